@@ -1,0 +1,53 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "dupin/base/run_control.h"
+#include "dupin/base/warning.h"
+#include "dupin/io/read_options.h"
+
+namespace dupin::cli {
+
+/// What every verb shares: the global options, the run, and the ways to speak.
+struct Context {
+  bool json = false;
+  bool quiet = false;
+  bool strict = false;
+  int threads = 0;
+  std::uint64_t seed = 0;
+  double timeout_seconds = 0.0;  ///< 0: none
+  ReadOptions read;
+  RunControl run = RunControl::create();
+  int exit_code = 0;  ///< set by a verb whose answer is "no"
+
+  /// Prints `document` on stdout when --json was given (and nothing else ever goes there then).
+  void print_json(const nlohmann::ordered_json& document) const;
+  /// Prints a line for people on stdout, unless --json.
+  void say(const std::string& line) const;
+  /// Warnings for people on stderr, unless --quiet; with --strict the first one becomes an error.
+  void report(const std::string& file, const WarningList& warnings) const;
+};
+
+nlohmann::ordered_json to_json(const WarningList& warnings);
+
+/// Adds the global options (--json, --quiet, --threads, ...) to a verb.
+void add_global_options(CLI::App& verb, Context& context);
+
+/// Runs `work` with a progress bar on a terminal; throws Error(Errc::interrupted) when it was cancelled.
+void with_progress(Context& context, const std::string& what, const std::function<void()>& work);
+
+// One function a verb, in a file of its name. Each adds its subcommand; the callback does the work.
+void add_check(CLI::App& app, Context& context);
+void add_curvature(CLI::App& app, Context& context);
+void add_scalespace(CLI::App& app, Context& context);
+void add_keypoints(CLI::App& app, Context& context);
+void add_render(CLI::App& app, Context& context);
+void add_synth(CLI::App& app, Context& context);
+void add_demo(CLI::App& app, Context& context);
+void add_completion(CLI::App& app, Context& context);
+void add_version(CLI::App& app, Context& context);
+
+}  // namespace dupin::cli

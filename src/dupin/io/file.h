@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "dupin/io/read_options.h"
+
+namespace dupin {
+
+/// The bytes of an input, memory-mapped where possible, unmapped at the end of its life.
+class FileBytes {
+ public:
+  /// Opens `path` without blocking and refuses what is not a regular file; "-" reads standard input to its
+  /// end within limits.max_file_bytes.
+  /// @throws IoError E_NOT_FOUND, E_OPEN, E_PERMISSION, E_NOT_A_FILE, E_READ (Errc::cannot_read), E_EMPTY
+  ///   (Errc::malformed), E_TOO_LARGE (Errc::over_limit)
+  static FileBytes open(const std::string& path, const ReadLimits& limits);
+
+  FileBytes(FileBytes&& other) noexcept;
+  FileBytes& operator=(FileBytes&& other) noexcept;
+  FileBytes(const FileBytes&) = delete;
+  FileBytes& operator=(const FileBytes&) = delete;
+  ~FileBytes();
+
+  std::span<const std::uint8_t> bytes() const { return {data_, size_}; }
+
+ private:
+  FileBytes() = default;
+  const std::uint8_t* data_ = nullptr;
+  std::size_t size_ = 0;
+  bool is_mapped_ = false;
+};
+
+/// Writes `bytes` beside `path` under a temporary name, flushes, and renames: readers see the old or the
+/// new file, whole. The temporary is removed on failure and on SIGINT/SIGTERM (it is anonymous until it
+/// is complete where the file system can do that). "-" writes standard output and checks every write.
+/// @throws IoError E_WRITE (Errc::cannot_write) with the system's reason
+void write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes);
+void write_file_atomically(const std::string& path, std::string_view text);
+
+}  // namespace dupin
