@@ -78,8 +78,8 @@ void parallel_for(Eigen::Index begin, Eigen::Index end, Eigen::Index grain,
   if (arena->max_concurrency() > 1 && end - begin > grain) {
     arena->execute([&] {
       tbb::parallel_for(
-          tbb::blocked_range<Eigen::Index>(begin, end,
-                                           static_cast<std::size_t>(std::max<Eigen::Index>(1, grain))),
+          tbb::blocked_range<Eigen::Index>(
+              begin, end, static_cast<std::size_t>(std::max<Eigen::Index>(1, grain))),
           [&](const tbb::blocked_range<Eigen::Index>& range) { body(range.begin(), range.end()); });
     });
     return;

@@ -11,9 +11,9 @@ class RunControl {
   RunControl() = default;
   static RunControl create();
 
-  void cancel() const;        ///< any thread or signal handler, idempotent
-  bool cancelled() const;     ///< one relaxed load: cheap enough for every outer iteration
-  double progress() const;    ///< in [0, 1], never decreases during a run
+  void cancel() const;                 ///< any thread or signal handler, idempotent
+  bool cancelled() const;              ///< one relaxed load: cheap enough for every outer iteration
+  double progress() const;             ///< in [0, 1], never decreases during a run
   void report(double fraction) const;  ///< called by algorithms only; fraction of this stage
 
   /// A handle to the same run whose report(0..1) fills [from, to] of this handle's range.

@@ -4,8 +4,8 @@
 
 namespace dupin {
 
-void WarningList::add(const std::string& code, const std::string& first,
-                      const std::string& message, std::int64_t count) {
+void WarningList::add(const std::string& code, const std::string& first, const std::string& message,
+                      std::int64_t count) {
   if (count <= 0) return;
   for (Warning& warning : warnings_) {
     if (warning.code == code) {

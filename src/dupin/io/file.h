@@ -12,9 +12,10 @@ namespace dupin {
 /// The bytes of an input, memory-mapped where possible, unmapped at the end of its life.
 class FileBytes {
  public:
-  /// Opens `path` without blocking and refuses what is not a regular file; "-" reads standard input to its
-  /// end within limits.max_file_bytes.
-  /// @throws IoError E_NOT_FOUND, E_OPEN, E_PERMISSION, E_NOT_A_FILE, E_READ (Errc::cannot_read), E_EMPTY
+  /// Opens `path` without blocking and refuses what is not a regular file; "-" reads standard input
+  /// to its end within limits.max_file_bytes.
+  /// @throws IoError E_NOT_FOUND, E_OPEN, E_PERMISSION, E_NOT_A_FILE, E_READ (Errc::cannot_read),
+  /// E_EMPTY
   ///   (Errc::malformed), E_TOO_LARGE (Errc::over_limit)
   static FileBytes open(const std::string& path, const ReadLimits& limits);
 
@@ -33,9 +34,10 @@ class FileBytes {
   bool is_mapped_ = false;
 };
 
-/// Writes `bytes` beside `path` under a temporary name, flushes, and renames: readers see the old or the
-/// new file, whole. The temporary is removed on failure and on SIGINT/SIGTERM (it is anonymous until it
-/// is complete where the file system can do that). "-" writes standard output and checks every write.
+/// Writes `bytes` beside `path` under a temporary name, flushes, and renames: readers see the old
+/// or the new file, whole. The temporary is removed on failure and on SIGINT/SIGTERM (it is
+/// anonymous until it is complete where the file system can do that). "-" writes standard output
+/// and checks every write.
 /// @throws IoError E_WRITE (Errc::cannot_write) with the system's reason
 void write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes);
 void write_file_atomically(const std::string& path, std::string_view text);

@@ -19,7 +19,8 @@ struct ReadLimits {
 struct ReadOptions {
   ReadLimits limits;
   bool drop_nonfinite = false;  ///< leave NaN and Inf in the points for heal() to drop
-  double max_depth_jump = 0.0;  ///< range grids: longest edge kept [mu]; 0: from the grid (see range_grid.h)
+  double max_depth_jump =
+      0.0;  ///< range grids: longest edge kept [mu]; 0: from the grid (see range_grid.h)
 };
 
 }  // namespace dupin

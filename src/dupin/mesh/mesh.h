@@ -31,12 +31,12 @@ double triangle_area(const Mesh& mesh, Eigen::Index face);
 /// Sum of the triangle areas [mu^2]. Cost: O(F).
 double surface_area(const Mesh& mesh);
 
-/// Signed volume enclosed by an oriented closed surface, > 0 for outward normals [mu^3]. Moments are
-/// taken about the mean vertex. Meaningless for an open surface. Cost: O(F).
+/// Signed volume enclosed by an oriented closed surface, > 0 for outward normals [mu^3]. Moments
+/// are taken about the mean vertex. Meaningless for an open surface. Cost: O(F).
 double enclosed_volume(const Mesh& mesh);
 
-/// Unit normals at the vertices: area-weighted sums of the adjacent face normals; zero where a vertex has
-/// no face of positive area. #V by 3. Cost: O(V + F).
+/// Unit normals at the vertices: area-weighted sums of the adjacent face normals; zero where a
+/// vertex has no face of positive area. #V by 3. Cost: O(V + F).
 Points vertex_normals(const Mesh& mesh);
 
 }  // namespace dupin

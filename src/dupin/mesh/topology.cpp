@@ -12,7 +12,8 @@ using Eigen::Index;
 using std::int32_t;
 using std::size_t;
 
-// Directed edges of all triangles bucketed by their first vertex (counting sort, no per-vertex list).
+// Directed edges of all triangles bucketed by their first vertex (counting sort, no per-vertex
+// list).
 void bucket_edges(const Triangles& triangles, Index num_vertices, std::vector<int32_t>& offset,
                   std::vector<int32_t>& target) {
   offset.assign(static_cast<size_t>(num_vertices) + 1, 0);

@@ -39,8 +39,8 @@ struct MeshTopology {
   Eigen::Index num_nonmanifold_edges = 0;  ///< edges with more than two faces
 };
 
-/// Topology of `triangles` (#F by 3) over `num_vertices` vertices. Repeated indices in a triangle make
-/// no edge. Cost: O(V + F log valence), any valence.
+/// Topology of `triangles` (#F by 3) over `num_vertices` vertices. Repeated indices in a triangle
+/// make no edge. Cost: O(V + F log valence), any valence.
 /// @throws InvalidArgument if an index is out of range.
 MeshTopology compute_topology(const Triangles& triangles, Eigen::Index num_vertices);
 

@@ -39,8 +39,8 @@ TEST(RunControl, AStageFillsItsPartOfTheRange) {
   EXPECT_EQ(run.progress(), 0.75);
 }
 
-// The result must not depend on the number of threads: 0.1 is not a binary fraction, so any change of the order
-// of summation changes the last bits of this sum.
+// The result must not depend on the number of threads: 0.1 is not a binary fraction, so any change
+// of the order of summation changes the last bits of this sum.
 TEST(Parallel, SumsHaveTheSameBitsForEveryThreadCount) {
   std::vector<double> sums;
   for (const int threads : {1, 2, 3, 8}) {
@@ -70,7 +70,8 @@ TEST(Parallel, EveryIndexIsVisitedOnce) {
 
 TEST(Parallel, RefusesANegativeThreadCount) { EXPECT_THROW(set_thread_count(-1), InvalidArgument); }
 
-// Moments of n draws: mean within 5 / sqrt(n), variance within 5 sqrt(2 / n) (five standard errors).
+// Moments of n draws: mean within 5 / sqrt(n), variance within 5 sqrt(2 / n) (five standard
+// errors).
 TEST(Rng, NormalDeviatesHaveZeroMeanAndUnitVariance) {
   Rng rng(7);
   constexpr int kDraws = 100'000;

@@ -1,0 +1,151 @@
+#include "context.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <mutex>
+#include <thread>
+
+#include "dupin/base/error.h"
+
+namespace dupin::cli {
+
+namespace {
+
+// Everything the program prints on stdout goes through here: a full disk or a closed pipe is an
+// error.
+void write_stdout(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+    throw IoError(Errc::cannot_write, "E_WRITE", "standard output cannot be written");
+  }
+}
+
+std::string bar(const std::string& what, double fraction, double seconds) {
+  constexpr int kWidth = 30;
+  const int filled = static_cast<int>(fraction * kWidth);
+  std::string line =
+      fmt::format("\r{} [{}{}] {:3.0f} %", what, std::string(static_cast<std::size_t>(filled), '#'),
+                  std::string(static_cast<std::size_t>(kWidth - filled), '.'), 100.0 * fraction);
+  if (fraction > 0.02)
+    line += fmt::format(", {:.0f} s left ", seconds * (1.0 - fraction) / fraction);
+  return line;
+}
+
+}  // namespace
+
+void Context::print_json(const nlohmann::ordered_json& document) const {
+  if (json) write_stdout(document.dump(1) + "\n");
+}
+
+void Context::say(const std::string& line) const {
+  if (!json) write_stdout(line + "\n");
+}
+
+void Context::report(const std::string& file, const WarningList& warnings) const {
+  for (const Warning& w : warnings.all()) {
+    if (strict) {
+      throw IoError(Errc::malformed, w.code, w.message + " (" + w.first + ")", {file, 0, -1},
+                    "--strict turns every warning into an error");
+    }
+    if (!quiet) {
+      fmt::print(stderr, "dupin: {}: {}: {} ({}, first: {})\n", escaped(file, 4096), w.code,
+                 w.message, w.count, w.first);
+    }
+  }
+}
+
+nlohmann::ordered_json to_json(const WarningList& warnings) {
+  auto list = nlohmann::ordered_json::array();
+  for (const Warning& w : warnings.all()) {
+    list.push_back(
+        {{"code", w.code}, {"count", w.count}, {"first", w.first}, {"message", w.message}});
+  }
+  return list;
+}
+
+void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
+  // The watcher draws the bar and keeps --timeout; it never touches the result.
+  const bool draw = !context.quiet && isatty(STDERR_FILENO) == 1;
+  std::mutex mutex;
+  std::condition_variable wake;
+  bool done = false;
+  std::atomic<bool> timed_out{false};
+  const auto start = std::chrono::steady_clock::now();
+  std::thread watcher;
+  if (draw || context.timeout_seconds > 0.0) {
+    watcher = std::thread([&] {
+      std::unique_lock<std::mutex> lock(mutex);
+      while (!wake.wait_for(lock, std::chrono::milliseconds(100), [&] { return done; })) {
+        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+        if (context.timeout_seconds > 0.0 && seconds.count() > context.timeout_seconds) {
+          timed_out = true;
+          context.run.cancel();
+        }
+        if (draw && seconds.count() > 0.5) {
+          fmt::print(stderr, "{}", bar(what, context.run.progress(), seconds.count()));
+          std::fflush(stderr);
+        }
+      }
+      if (draw) fmt::print(stderr, "\r\033[K");
+    });
+  }
+  const auto finish = [&] {
+    if (!watcher.joinable()) return;
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      done = true;
+    }
+    wake.notify_all();
+    watcher.join();
+  };
+  try {
+    work();
+  } catch (...) {
+    finish();
+    throw;
+  }
+  finish();
+  if (timed_out) {
+    throw Error(Errc::over_limit, "E_TIMEOUT",
+                fmt::format("not done after {} s", context.timeout_seconds), {}, "raise --timeout");
+  }
+  if (context.run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+}
+
+void add_global_options(CLI::App& verb, Context& context) {
+  verb.add_flag("--json", context.json, "Print exactly one JSON document on stdout");
+  verb.add_flag("--quiet", context.quiet, "No progress and no warnings on stderr");
+  verb.add_flag("--strict", context.strict, "Turn every warning into an error");
+  verb.add_option("--threads", context.threads,
+                  "Threads; the result is the same for every number (default: all)")
+      ->check(CLI::Range(1, 1024));
+  verb.add_option("--seed", context.seed, "Seed of everything random")->capture_default_str();
+  verb.add_option("--timeout", context.timeout_seconds, "Give up after so many seconds")
+      ->check(CLI::PositiveNumber);
+  ReadLimits& limits = context.read.limits;
+  const auto limit = [&](const char* name, std::int64_t& value, const char* text) {
+    verb.add_option(name, value, text)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 40))
+        ->capture_default_str()
+        ->group("Limits");
+  };
+  limit("--max-file-bytes", limits.max_file_bytes, "Largest input file");
+  limit("--max-vertices", limits.max_vertices, "Most vertices");
+  limit("--max-faces", limits.max_faces, "Most faces");
+  limit("--max-polygon", limits.max_polygon, "Most corners of a face");
+  limit("--max-line-bytes", limits.max_line_bytes, "Longest line of a text file");
+  limit("--max-expansion-ratio", limits.max_expansion_ratio, "Highest gzip ratio");
+  limit("--max-expanded-bytes", limits.max_expanded_bytes, "Most bytes from a gzip file");
+  verb.add_option("--max-nesting", limits.max_nesting, "Deepest nesting")
+      ->check(CLI::Range(1, 10'000))
+      ->capture_default_str()
+      ->group("Limits");
+  verb.add_flag("--drop-nonfinite", context.read.drop_nonfinite,
+                "Remove vertices with NaN or infinite coordinates");
+}
+
+}  // namespace dupin::cli
