@@ -2,7 +2,6 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -12,6 +11,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/base/random.h"
+#include "dupin/mesh/subdivision.h"
 
 namespace dupin {
 namespace {
@@ -300,29 +300,8 @@ AnalyticSurface make_icosphere(double radius, int subdivisions) {
   }
   Mesh mesh = icosahedron();
   for (int s = 0; s < subdivisions; ++s) {
-    const Index old_vertices = mesh.points.rows();
-    const Index old_faces = mesh.triangles.rows();
-    Points points(old_vertices + old_faces * 3 / 2, 3);
-    points.topRows(old_vertices) = mesh.points;
-    Triangles triangles(4 * old_faces, 3);
-    Index next = old_vertices;
-    std::map<std::pair<int32_t, int32_t>, int32_t> middle;
-    const auto middle_of = [&](int32_t a, int32_t b) {
-      const auto [it, is_new] = middle.try_emplace(std::minmax(a, b), static_cast<int32_t>(next));
-      if (is_new) points.row(next++) = (points.row(a) + points.row(b)).normalized();
-      return it->second;
-    };
-    for (Index f = 0; f < old_faces; ++f) {
-      const int32_t a = mesh.triangles(f, 0);
-      const int32_t b = mesh.triangles(f, 1);
-      const int32_t c = mesh.triangles(f, 2);
-      const int32_t ab = middle_of(a, b);
-      const int32_t bc = middle_of(b, c);
-      const int32_t ca = middle_of(c, a);
-      triangles.middleRows(4 * f, 4) << a, ab, ca, b, bc, ab, c, ca, bc, ab, bc, ca;
-    }
-    mesh.points = std::move(points);
-    mesh.triangles = std::move(triangles);
+    mesh = midpoint_subdivide(mesh);
+    mesh.points.rowwise().normalize();
   }
   mesh.points *= radius;
   return with_curvature(std::move(mesh), [radius](const Vector3d& p) {
