@@ -1,0 +1,56 @@
+#include "dupin/math/chebyshev.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace dupin {
+namespace {
+
+using Eigen::VectorXd;
+
+// exp(-t s) on [0, s_max]: the series must agree with the function everywhere, not only at its
+// nodes.
+TEST(Chebyshev, ReproducesAnExponentialToRounding) {
+  const auto functions = [](double s) { return VectorXd::Constant(1, std::exp(-20.0 * s)); };
+  const Eigen::MatrixXd c = chebyshev_coefficients(functions, 1.5);
+  for (int i = 0; i <= 1000; ++i) {
+    const double s = 1.5 * i / 1000.0;
+    EXPECT_NEAR(evaluate_chebyshev(c, 0, c.rows(), s, 1.5), std::exp(-20.0 * s), 1e-14);
+  }
+}
+
+// The tail sum bounds the error of the truncated series; and it is not far above it, or the bound
+// would be idle.
+TEST(Chebyshev, TheTailSumBoundsTheTruncationError) {
+  const auto functions = [](double s) {
+    VectorXd f(2);
+    f << 1.0 / (1.0 + 50.0 * s), 1.0 / ((1.0 + 400.0 * s) * (1.0 + 300.0 * s));
+    return f;
+  };
+  const Eigen::MatrixXd c = chebyshev_coefficients(functions, 2.0);
+  const Eigen::VectorXi length = truncation_lengths(c, VectorXd::Constant(2, 1e-6));
+  for (Eigen::Index l = 0; l < 2; ++l) {
+    EXPECT_LT(length[l], c.rows());
+    const double tail = c.col(l).tail(c.rows() - length[l]).cwiseAbs().sum();
+    EXPECT_LE(tail, 1e-6);
+    double worst = 0.0;
+    for (int i = 0; i <= 4000; ++i) {
+      const double s = 2.0 * i / 4000.0;
+      worst =
+          std::max(worst, std::abs(evaluate_chebyshev(c, l, length[l], s, 2.0) - functions(s)[l]));
+    }
+    EXPECT_LE(worst, tail + 1e-14);
+    EXPECT_GE(worst, 0.1 * tail);  // at s = 0 all terms have one sign
+  }
+}
+
+TEST(Chebyshev, AConstantNeedsOneTerm) {
+  const Eigen::MatrixXd c =
+      chebyshev_coefficients([](double) { return VectorXd::Constant(1, 3.0); }, 1.0);
+  EXPECT_EQ(truncation_lengths(c, VectorXd::Constant(1, 1e-12))[0], 1);
+  EXPECT_NEAR(c(0, 0), 3.0, 1e-14);
+}
+
+}  // namespace
+}  // namespace dupin
