@@ -1,0 +1,76 @@
+#include "dupin/surface/surface_graph.h"
+
+#include <string>
+#include <utility>
+
+#include "dupin/base/error.h"
+#include "dupin/surface/curvature.h"
+#include "dupin/surface/height_signal.h"
+
+namespace dupin {
+
+SurfaceGraph surface_graph(const Mesh& mesh, const std::vector<std::uint8_t>& is_guarded) {
+  validate(mesh);
+  if (!is_guarded.empty() && is_guarded.size() != static_cast<std::size_t>(mesh.points.rows())) {
+    throw InvalidArgument("is_guarded has " + std::to_string(is_guarded.size()) +
+                          " entries, the mesh has " + std::to_string(mesh.points.rows()) +
+                          " vertices");
+  }
+  SurfaceGraph graph;
+  graph.points = mesh.points;
+  graph.triangles = mesh.triangles;
+  graph.normals = vertex_normals(mesh);
+  graph.topology = compute_topology(mesh.triangles, mesh.points.rows());
+  graph.mean_edge = mean_edge_length(mesh.points, graph.topology.ring);
+  graph.is_guarded = graph.topology.is_boundary;
+  for (std::size_t v = 0; v < is_guarded.size(); ++v) {
+    if (is_guarded[v] != 0) graph.is_guarded[v] = 1;
+  }
+  // Beside an edge with three faces or more the ring is no disc.
+  const Adjacency& ring = graph.topology.ring;
+  for (std::size_t k = 0; graph.topology.num_nonmanifold_edges > 0 && k < ring.neighbor.size();
+       ++k) {
+    if (graph.topology.edge_faces[k] > 2)
+      graph.is_guarded[static_cast<std::size_t>(ring.neighbor[k])] = 1;
+  }
+  return graph;
+}
+
+SurfaceGraph surface_graph(const PointCloud& cloud, const CloudGraphOptions& options,
+                           RunControl run) {
+  CloudGraph built = build_cloud_graph(cloud, options, run);
+  SurfaceGraph graph;
+  graph.status = built.status;
+  graph.points = cloud.points;
+  graph.triangles.resize(0, 3);
+  graph.normals = std::move(built.normals);
+  graph.topology.ring = std::move(built.ring);
+  graph.mean_edge = mean_edge_length(cloud.points, graph.topology.ring);
+  graph.is_guarded = std::move(built.is_boundary);
+  return graph;
+}
+
+Eigen::VectorXd compute_signal(const SurfaceGraph& graph, Signal signal, int normal_smoothing,
+                               RunControl run) {
+  if (signal == Signal::height) {
+    return height_signal(graph.points, graph.normals, graph.topology.ring, {normal_smoothing});
+  }
+  if (!graph.is_mesh()) {
+    throw AnalysisError("E_NO_FACES", "Taubin's curvature needs faces, this is a point cloud",
+                        "the signal 'height' works on points");
+  }
+  const CurvatureField field =
+      estimate_curvature_taubin({graph.points, graph.triangles}, graph.topology, run);
+  switch (signal) {
+    case Signal::gauss:
+      return field.gauss();
+    case Signal::k1:
+      return field.k1;
+    case Signal::k2:
+      return field.k2;
+    default:
+      return field.mean();
+  }
+}
+
+}  // namespace dupin

@@ -1,0 +1,103 @@
+#include "dupin/surface/cloud_graph.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "dupin/base/error.h"
+#include "dupin/base/random.h"
+#include "dupin/mesh/shapes.h"
+#include "dupin/spatial/nearest.h"
+
+namespace dupin {
+namespace {
+
+using Eigen::Index;
+
+Points random_points(Index count, std::uint64_t seed) {
+  Rng rng(seed);
+  Points points(count, 3);
+  for (Index i = 0; i < points.size(); ++i) points.data()[i] = rng.uniform(-1.0, 1.0);
+  return points;
+}
+
+// Against brute force: distances must agree; indices may differ only in ties, which random points
+// do not have.
+TEST(PointIndex, FindsWhatBruteForceFinds) {
+  const Points points = random_points(500, 1);
+  const Points queries = random_points(50, 2);
+  const NeighborTable table = PointIndex(points).nearest(queries, 7);
+  for (Index q = 0; q < queries.rows(); ++q) {
+    std::vector<std::pair<double, std::int32_t>> all;
+    for (Index v = 0; v < points.rows(); ++v) {
+      all.emplace_back((points.row(v) - queries.row(q)).squaredNorm(),
+                       static_cast<std::int32_t>(v));
+    }
+    std::sort(all.begin(), all.end());
+    for (Index j = 0; j < 7; ++j) {
+      EXPECT_EQ(table.index(q, j), all[static_cast<std::size_t>(j)].second);
+      EXPECT_NEAR(table.squared(q, j), all[static_cast<std::size_t>(j)].first, 1e-15);
+    }
+  }
+}
+
+TEST(PointIndex, RefusesMoreNeighboursThanPoints) {
+  EXPECT_THROW(PointIndex(random_points(5, 1)).nearest(random_points(1, 2), 6), InvalidArgument);
+  EXPECT_THROW(PointIndex(random_points(5, 1)).nearest(random_points(1, 2), 0), InvalidArgument);
+}
+
+// A sphere without faces: normals must be radial, and one orientation (outward, since the start is
+// at the top) everywhere.
+TEST(CloudGraph, OrientsTheNormalsOfASphereOutward) {
+  const AnalyticSurface sphere = make_sphere(1.0, 3'000);
+  const CloudGraph graph = build_cloud_graph({sphere.mesh.points, {}});
+  for (Index v = 0; v < graph.normals.rows(); ++v) {
+    EXPECT_GT(graph.normals.row(v).dot(sphere.normals.row(v)), 0.99);
+    EXPECT_EQ(graph.is_boundary[static_cast<std::size_t>(v)], 0);
+  }
+}
+
+TEST(CloudGraph, IsSymmetric) {
+  const CloudGraph graph = build_cloud_graph({random_points(300, 9), {}});
+  for (Index v = 0; v < 300; ++v) {
+    EXPECT_GE(graph.ring.valence(v), 8);
+    for (const std::int32_t* j = graph.ring.begin(v); j != graph.ring.end(v); ++j) {
+      EXPECT_TRUE(std::binary_search(graph.ring.begin(*j), graph.ring.end(*j),
+                                     static_cast<std::int32_t>(v)));
+      EXPECT_NE(*j, v);
+    }
+  }
+}
+
+// The rim of a plane leaves half its surroundings empty; the inside does not.
+TEST(CloudGraph, FindsTheRimOfAPlane) {
+  const Mesh plane = make_plane({.num_vertices = 900}).mesh;
+  const MeshTopology topology = compute_topology(plane.triangles, plane.points.rows());
+  const CloudGraph graph = build_cloud_graph({plane.points, {}});
+  Index inside = 0;
+  for (Index v = 0; v < plane.points.rows(); ++v) {
+    const double rim = 1.0 - plane.points.row(v).head(2).cwiseAbs().maxCoeff();
+    if (rim < 0.01) {
+      EXPECT_EQ(graph.is_boundary[static_cast<std::size_t>(v)], 1);
+    }
+    if (rim > 0.2) {
+      EXPECT_EQ(graph.is_boundary[static_cast<std::size_t>(v)], 0);
+      ++inside;
+    }
+  }
+  EXPECT_GT(inside, 300);
+}
+
+TEST(CloudGraph, RefusesTooFewPoints) {
+  try {
+    build_cloud_graph({random_points(8, 1), {}});
+    FAIL();
+  } catch (const AnalysisError& error) {
+    EXPECT_EQ(error.code(), "E_TOO_FEW_POINTS");
+  }
+}
+
+}  // namespace
+}  // namespace dupin
