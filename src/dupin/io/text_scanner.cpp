@@ -103,8 +103,12 @@ DecimalStatus parse_decimal(const char*& cursor, const char* last, double& value
 }
 
 TextScanner::TextScanner(std::span<const std::uint8_t> bytes, std::string file,
-                         const ReadLimits& limits, TextStyle style)
-    : file_(std::move(file)), max_line_bytes_(limits.max_line_bytes) {
+                         const ReadLimits& limits, TextStyle style, std::int64_t first_line,
+                         std::int64_t first_byte)
+    : file_(std::move(file)),
+      line_(first_line - 1),
+      first_byte_(first_byte),
+      max_line_bytes_(limits.max_line_bytes) {
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   is_unterminated_ = text.empty() || (text.back() != '\n' && text.back() != '\r');
   if (is_unterminated_) {
@@ -152,8 +156,9 @@ void TextScanner::skip_to_line_end() {
 }
 
 bool TextScanner::next_line() {
-  if (line_ == 0) {
-    line_ = 1;
+  if (!is_started_) {
+    is_started_ = true;
+    ++line_;
   } else {
     if (kind(cursor_) != line_end) skip_to_line_end();
     if (!take_line_end()) return false;
@@ -245,7 +250,7 @@ void TextScanner::expect_line_end() {
   fail_syntax("unexpected '" + escaped(peek_word(), 40) + "'");
 }
 
-std::int64_t TextScanner::byte() const { return cursor_ - begin_; }
+std::int64_t TextScanner::byte() const { return first_byte_ + (cursor_ - begin_); }
 
 std::int64_t TextScanner::column() const { return cursor_ - line_start_ + 1; }
 
@@ -258,7 +263,13 @@ bool TextScanner::is_last_line() const {
 
 void TextScanner::fail(Errc errc, const char* code, const std::string& message,
                        const std::string& hint) const {
-  throw IoError(errc, code, message, {file_, line_, byte()}, hint);
+  std::string where;
+  if (element.name != nullptr) {
+    where = std::string(" (") + element.name + " " + std::to_string(element.index);
+    if (element.count > 0) where += " of " + std::to_string(element.count);
+    where += ")";
+  }
+  throw IoError(errc, code, message + where, {file_, line_, byte()}, hint);
 }
 
 void TextScanner::fail_syntax(const std::string& message) const {

@@ -42,8 +42,9 @@ class TextScanner {
  public:
   /// `bytes` must outlive the scanner. A text without a final line end is copied once, so that
   /// every inner loop is stopped by a line end and needs no check of bounds.
+  /// `first_line` and `first_byte` are where `bytes` start in the file.
   TextScanner(std::span<const std::uint8_t> bytes, std::string file, const ReadLimits& limits,
-              TextStyle style = {});
+              TextStyle style = {}, std::int64_t first_line = 1, std::int64_t first_byte = 0);
   TextScanner(const TextScanner&) = delete;
   TextScanner& operator=(const TextScanner&) = delete;
 
@@ -85,6 +86,15 @@ class TextScanner {
   std::int64_t byte() const;                                   ///< offset in the input
   std::int64_t bytes_left() const { return last_ - cursor_; }  ///< from the cursor to the end
 
+  /// What is being read, for messages: " (vertex 52 of 162)"; name is null when there is nothing to
+  /// say, count 0 when it is not known.
+  struct Element {
+    const char* name = nullptr;
+    std::int64_t index = 0;
+    std::int64_t count = 0;
+  };
+  Element element;
+
   /// Throws IoError at the current line.
   [[noreturn]] void fail(Errc errc, const char* code, const std::string& message,
                          const std::string& hint = {}) const;
@@ -112,7 +122,9 @@ class TextScanner {
   const char* line_start_ = nullptr;
   const char* last_ = nullptr;
   std::int64_t line_ = 0;
+  std::int64_t first_byte_ = 0;
   std::int64_t max_line_bytes_ = 0;
+  bool is_started_ = false;
   bool has_bom_ = false;
   bool is_unterminated_ = false;
 };
