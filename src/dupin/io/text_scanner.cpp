@@ -110,8 +110,9 @@ TextScanner::TextScanner(std::span<const std::uint8_t> bytes, std::string file,
       first_byte_(first_byte),
       max_line_bytes_(limits.max_line_bytes) {
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  is_unterminated_ = text.empty() || (text.back() != '\n' && text.back() != '\r');
-  if (is_unterminated_) {
+  const bool has_end = !text.empty() && (text.back() == '\n' || text.back() == '\r');
+  is_unterminated_ = !text.empty() && !has_end;
+  if (!has_end) {
     copy_.reserve(text.size() + 1);
     copy_.append(text).push_back('\n');
     text = copy_;
@@ -276,11 +277,21 @@ void TextScanner::fail_syntax(const std::string& message) const {
   fail(Errc::malformed, "E_SYNTAX", message + ", column " + std::to_string(column()));
 }
 
+void TextScanner::check_number_end(const char* what) const {
+  const bool joins_lines = kind(cursor_) == backslash && kind(cursor_ + 1) == line_end;
+  if (!joins_lines) fail_expected(what);
+}
+
 void TextScanner::fail_expected(const char* what) const {
   const char* start = cursor_;
-  while (start != line_start_ && kind(start - 1) == other) --start;
+  const auto is_in_token = [&](const char* p) { return kind(p) != blank && kind(p) != line_end; };
+  if (is_in_token(cursor_)) {
+    while (start != line_start_ && is_in_token(start - 1)) --start;
+  }
   const char* end = cursor_;
-  while (kind(end) == other) ++end;
+  if (start != cursor_ || kind(cursor_) != comment) {
+    while (is_in_token(end)) ++end;
+  }
   const std::string_view token(start, static_cast<std::size_t>(end - start));
   const std::string expected = std::string("expected ") + what;
   if (token.empty() || (is_unterminated_ && end + 1 == last_ &&

@@ -111,6 +111,7 @@ class TextScanner {
   void skip_to_line_end();
   bool take_line_end();
   bool is_last_line() const;
+  void check_number_end(const char* what) const;
   std::int64_t parse_integer(const char* what, bool saturate, char stop);
   std::int64_t column() const;
 
@@ -152,7 +153,9 @@ inline double TextScanner::number(const char* what) {
     fail(Errc::malformed, "E_NUMBER_RANGE", std::string(what) + " is too large for a double");
   }
   if (status != DecimalStatus::ok) fail_expected(what);
-  if (kind(cursor_) == other) fail_expected(what);
+  // A comment needs a blank before it here: "-1.#IND" is no number.
+  const Kind here = kind(cursor_);
+  if (here != blank && here != line_end) check_number_end(what);
   return value;
 }
 
