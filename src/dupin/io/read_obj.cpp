@@ -89,9 +89,9 @@ SurfaceFile ObjReader::read() {
 }
 
 void ObjReader::read_vertex() {
-  const double x = scanner_.number("x");
-  const double y = scanner_.number("y");
-  const double z = scanner_.number("z");
+  double place[3];
+  scanner_.numbers(place, 3, "a coordinate");
+  const auto [x, y, z] = place;
   while (!scanner_.at_line_end()) scanner_.number("a weight or colour");
   if (!is_finite(x, y, z) && !options_.drop_nonfinite) fail_nonfinite(points_.size(), here());
   if (points_.size() >= std::min(options_.limits.max_vertices, kMaxIndex)) {

@@ -15,6 +15,8 @@ constexpr std::size_t kNumSlots = 6;          // x y z nx ny nz
 // What the reader takes from one property of a vertex or face.
 struct Role {
   PlyProperty property;
+  bool is_list = false;
+  bool is_index_list = false;
   int slot = -1;            // vertex: 0..5
   std::int64_t offset = 0;  // in a record without lists [bytes]
 };
@@ -185,7 +187,7 @@ std::vector<Role> PlyBody::roles_of(const PlyElement& element) const {
   std::vector<Role> roles;
   std::int64_t offset = 0;
   for (const PlyProperty& property : element.properties) {
-    Role role{property, -1, offset};
+    Role role{property, property.is_list, is_index_list(property), -1, offset};
     constexpr const char* kNames[kNumSlots] = {"x", "y", "z", "nx", "ny", "nz"};
     for (std::size_t slot = 0; slot < (has_normals_ ? kNumSlots : 3); ++slot) {
       if (property.name == kNames[slot]) role.slot = static_cast<int>(slot);
@@ -298,11 +300,19 @@ void PlyBody::read_ascii() {
 
 void PlyBody::read_ascii_vertices(TextScanner& scanner, const PlyElement& element) {
   const std::vector<Role> roles = roles_of(element);
+  const bool starts_with_place =
+      roles.size() >= 3 && roles[0].slot == 0 && roles[1].slot == 1 && roles[2].slot == 2;
   for (std::int64_t vertex = 0; vertex < element.count; ++vertex) {
     next_ascii(scanner, vertex);
     double values[kNumSlots] = {};
-    for (const Role& role : roles) {
-      if (role.property.is_list) {
+    std::size_t next_role = 0;
+    if (starts_with_place) {
+      scanner.numbers(values, 3, "a number");
+      next_role = 3;
+    }
+    for (; next_role < roles.size(); ++next_role) {
+      const Role& role = roles[next_role];
+      if (role.is_list) {
         for (std::int64_t n = ascii_list_count(scanner, 2); n > 0; --n) scanner.number("a value");
         continue;
       }
@@ -318,20 +328,35 @@ void PlyBody::read_ascii_vertices(TextScanner& scanner, const PlyElement& elemen
 }
 
 void PlyBody::read_ascii_faces(TextScanner& scanner, const PlyElement& element) {
+  const std::vector<Role> roles = roles_of(element);
   for (std::int64_t face = 0; face < element.count; ++face) {
     next_ascii(scanner, face);
-    for (const PlyProperty& property : element.properties) {
-      if (!property.is_list) {
+    for (const Role& role : roles) {
+      if (!role.is_list) {
         scanner.number("a number");
         continue;
       }
       std::int64_t count = ascii_list_count(scanner, 2);
-      if (!is_index_list(property)) {
+      if (!role.is_index_list) {
         for (; count > 0; --count) scanner.number("a value");
         continue;
       }
       if (count > options_.limits.max_polygon) {
         fail_polygon(face, count, options_.limits, {name_, scanner.line(), -1});
+      }
+      if (count == 3) {
+        std::int64_t corners[3];
+        scanner.indices(corners, 3, "a vertex index");
+        const auto most = static_cast<std::uint64_t>(num_vertices_);
+        for (const std::int64_t vertex : corners) {
+          if (static_cast<std::uint64_t>(vertex) >= most) {
+            fail_index(face, vertex, num_vertices_, {name_, scanner.line(), -1});
+          }
+        }
+        faces_.add_triangle(static_cast<std::int32_t>(corners[0]),
+                            static_cast<std::int32_t>(corners[1]),
+                            static_cast<std::int32_t>(corners[2]));
+        continue;
       }
       for (; count > 0; --count) {
         const std::int64_t vertex = scanner.index("a vertex index");
@@ -452,7 +477,7 @@ void PlyBody::read_binary_vertices(const PlyElement& element) {
     double values[kNumSlots] = {};
     const std::int64_t start = static_cast<std::int64_t>(at_);
     for (const Role& role : roles) {
-      if (role.property.is_list) {
+      if (role.is_list) {
         const std::int64_t count = binary_list_count<kSwap>(role.property, element, vertex);
         at_ += static_cast<std::size_t>(count * size_of(role.property.type));
         continue;
@@ -507,20 +532,22 @@ void PlyBody::read_binary_faces(const PlyElement& element) {
       size_of(only->type) == 4) {
     read_packed_triangles<kSwap>(element);
   }
+  const std::vector<Role> roles = roles_of(element);
   for (std::int64_t face = faces_.num_faces(); face < element.count; ++face) {
     if (face % kRunStride == 0) {
       check_run(run_, static_cast<std::int64_t>(at_), static_cast<std::int64_t>(bytes_.size()));
     }
-    for (const PlyProperty& property : element.properties) {
+    for (const Role& role : roles) {
+      const PlyProperty& property = role.property;
       const std::int64_t size = size_of(property.type);
-      if (!property.is_list) {
+      if (!role.is_list) {
         need(size, element, face);
         at_ += static_cast<std::size_t>(size);
         continue;
       }
       const Location location = here();
       const std::int64_t count = binary_list_count<kSwap>(property, element, face);
-      if (!is_index_list(property)) {
+      if (!role.is_index_list) {
         at_ += static_cast<std::size_t>(count * size);
         continue;
       }

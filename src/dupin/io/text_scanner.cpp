@@ -9,13 +9,6 @@
 namespace dupin::detail {
 namespace {
 
-constexpr double kPowersOfTen[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                   1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
-                                   1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
-
-unsigned digit_of(char c) { return static_cast<unsigned>(c) - unsigned{'0'}; }
-bool is_digit(char c) { return digit_of(c) < 10U; }
-
 // Decimal exponent of the first nonzero digit of a number that std::from_chars found out of range:
 // only its sign matters, so 64 bits saturate.
 std::int64_t magnitude(const char* p, const char* last) {
@@ -45,6 +38,8 @@ std::int64_t magnitude(const char* p, const char* last) {
   return position + (is_negative ? -exponent : exponent);
 }
 
+}  // namespace
+
 DecimalStatus parse_decimal_exactly(const char*& cursor, const char* last, double& value) {
   const char* p = cursor;
   if (*p == '+' && (is_digit(p[1]) || p[1] == '.')) ++p;
@@ -58,47 +53,6 @@ DecimalStatus parse_decimal_exactly(const char*& cursor, const char* last, doubl
     value = is_negative ? -0.0 : 0.0;
   }
   cursor = end;
-  return DecimalStatus::ok;
-}
-
-}  // namespace
-
-// Clinger's exact case: an integer of at most 53 bits times or over a power of ten of at most 22.
-DecimalStatus parse_decimal(const char*& cursor, const char* last, double& value) {
-  const char* p = cursor;
-  const bool is_negative = *p == '-';
-  if (is_negative || *p == '+') ++p;
-  std::uint64_t mantissa = 0;
-  const char* const first_digit = p;
-  while (is_digit(*p)) mantissa = mantissa * 10U + digit_of(*p++);
-  std::ptrdiff_t num_digits = p - first_digit;
-  std::ptrdiff_t exponent = 0;
-  if (*p == '.') {
-    const char* const first_decimal = ++p;
-    while (is_digit(*p)) mantissa = mantissa * 10U + digit_of(*p++);
-    exponent = first_decimal - p;
-    num_digits -= exponent;
-  }
-  if (*p == 'e' || *p == 'E') {
-    const char* q = p + 1;
-    const bool is_small = *q == '-';
-    if (is_small || *q == '+') ++q;
-    const char* const first_exponent = q;
-    std::ptrdiff_t written = 0;
-    while (is_digit(*q) && q - first_exponent < 4) written = written * 10 + (*q++ - '0');
-    if (q == first_exponent || is_digit(*q)) return parse_decimal_exactly(cursor, last, value);
-    exponent += is_small ? -written : written;
-    p = q;
-  }
-  if (num_digits == 0 || num_digits > 19 || mantissa > (std::uint64_t{1} << 53U) ||
-      exponent < -22 || exponent > 22) {
-    return parse_decimal_exactly(cursor, last, value);
-  }
-  const auto integer = static_cast<double>(static_cast<std::int64_t>(mantissa));
-  const double magnitude =
-      exponent < 0 ? integer / kPowersOfTen[-exponent] : integer * kPowersOfTen[exponent];
-  value = is_negative ? -magnitude : magnitude;
-  cursor = p;
   return DecimalStatus::ok;
 }
 
@@ -156,7 +110,7 @@ void TextScanner::skip_to_line_end() {
   }
 }
 
-bool TextScanner::next_line() {
+bool TextScanner::find_next_line() {
   if (!is_started_) {
     is_started_ = true;
     ++line_;
@@ -245,7 +199,7 @@ std::int64_t TextScanner::count(const char* what) {
   return value;
 }
 
-void TextScanner::expect_line_end() {
+void TextScanner::check_line_end() {
   if (at_line_end()) return;
   if (*cursor_ == '\0') fail_syntax("NUL byte in a text file");
   fail_syntax("unexpected '" + escaped(peek_word(), 40) + "'");

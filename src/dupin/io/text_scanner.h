@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
@@ -25,6 +27,13 @@ enum class DecimalStatus { ok, syntax, range };
 /// that are too small become a zero of their sign and numbers that are too large are
 /// DecimalStatus::range. Also takes a leading '+', "nan" and "inf".
 DecimalStatus parse_decimal(const char*& cursor, const char* last, double& value);
+
+/// The part of parse_decimal() that std::from_chars has to do.
+DecimalStatus parse_decimal_exactly(const char*& cursor, const char* last, double& value);
+
+inline constexpr double kPowersOfTen[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                          1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                          1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
 /// Walks over a text line by line and token by token. Lines end with LF, CRLF or CR. A byte order
 /// mark at the start is skipped. Nothing here depends on the locale.
@@ -54,7 +63,16 @@ class TextScanner {
 
   /// Goes to the next line that holds more than blanks and comments, leaving the rest of the
   /// current one unread. False at the end of the text; every token is missing from then on.
-  bool next_line();
+  bool next_line() {
+    // The common step: from a plain line end to a token.
+    if (*cursor_ == '\n' && is_started_ && cursor_ + 1 != last_ && kind(cursor_ + 1) == other &&
+        cursor_ - line_start_ <= max_line_bytes_) {
+      line_start_ = ++cursor_;
+      ++line_;
+      return true;
+    }
+    return find_next_line();
+  }
 
   /// Skips blanks; true if nothing but a comment is left on this line.
   bool at_line_end();
@@ -66,6 +84,9 @@ class TextScanner {
   std::string_view rest_of_line();
   /// A real number; may be NaN or infinite only if the text says so.
   double number(const char* what);
+  /// number() and index() `count` times, faster: the cursor stays in a register.
+  void numbers(double* out, int count, const char* what);
+  void indices(std::int64_t* out, int count, const char* what);
   /// A whole number; E_NUMBER_RANGE beyond 64 bits, E_SYNTAX for a fraction.
   std::int64_t integer(const char* what);
   /// A whole number that is to be checked against a range: beyond 64 bits it is the nearest limit.
@@ -80,7 +101,9 @@ class TextScanner {
     return true;
   }
   /// E_SYNTAX if anything but a comment is left on this line.
-  void expect_line_end();
+  void expect_line_end() {
+    if (kind(cursor_) != line_end) check_line_end();
+  }
 
   std::int64_t line() const { return line_; }                  ///< 1-based; 0 before the first
   std::int64_t byte() const;                                   ///< offset in the input
@@ -106,6 +129,8 @@ class TextScanner {
   enum Kind : std::uint8_t { other = 0, blank = 1, line_end = 2, comment = 3, backslash = 4 };
 
   Kind kind(const char* at) const { return kinds_[static_cast<unsigned char>(*at)]; }
+  bool find_next_line();
+  void check_line_end();
   void skip_blanks();
   bool take_continuation();
   void skip_to_line_end();
@@ -129,6 +154,76 @@ class TextScanner {
   bool has_bom_ = false;
   bool is_unterminated_ = false;
 };
+
+inline unsigned digit_of(char c) { return static_cast<unsigned>(c) - unsigned{'0'}; }
+inline bool is_digit(char c) { return digit_of(c) < 10U; }
+
+/// Takes the decimal digits at `p` into `value` (modulo 2^64), eight at a time and without a branch
+/// a digit: the length of a number is what a processor cannot predict.
+inline void take_digits(const char*& p, const char* last, std::uint64_t& value) {
+  if constexpr (std::endian::native == std::endian::little) {
+    constexpr std::uint64_t kPowers[] = {1,      10,      100,      1000,     10000,
+                                         100000, 1000000, 10000000, 100000000};
+    while (last - p >= 8) {
+      std::uint64_t digits = 0;
+      std::memcpy(&digits, p, sizeof(digits));
+      digits ^= 0x3030303030303030U;
+      const std::uint64_t others = ((digits + 0x7676767676767676U) | digits) & 0x8080808080808080U;
+      const int length = others == 0 ? 8 : std::countr_zero(others) / 8;
+      if (length == 0) return;
+      // The digits to the top, zeros before them; then pairs, fours and eights.
+      digits <<= static_cast<unsigned>(64 - 8 * length);
+      digits = digits * 10U + (digits >> 8U);
+      digits = ((digits & 0x000000FF000000FFU) * 0x000F424000000064U +
+                ((digits >> 16U) & 0x000000FF000000FFU) * 0x0000271000000001U) >>
+               32U;
+      value = value * kPowers[length] + digits;
+      p += length;
+      if (length < 8) return;
+    }
+  }
+  while (is_digit(*p)) value = value * 10U + digit_of(*p++);
+}
+
+// Clinger's exact case: an integer of at most 53 bits times or over a power of ten of at most 22.
+inline DecimalStatus parse_decimal(const char*& cursor, const char* last, double& value) {
+  const char* p = cursor;
+  const bool is_negative = *p == '-';
+  p += static_cast<int>(is_negative) | static_cast<int>(*p == '+');
+  std::uint64_t mantissa = 0;
+  const char* const first_digit = p;
+  while (is_digit(*p)) mantissa = mantissa * 10U + digit_of(*p++);
+  std::ptrdiff_t num_digits = p - first_digit;
+  std::ptrdiff_t exponent = 0;
+  if (*p == '.') {
+    const char* const first_decimal = ++p;
+    take_digits(p, last, mantissa);
+    exponent = first_decimal - p;
+    num_digits -= exponent;
+  }
+  if (*p == 'e' || *p == 'E') {
+    const char* q = p + 1;
+    const bool is_small = *q == '-';
+    if (is_small || *q == '+') ++q;
+    const char* const first_exponent = q;
+    std::ptrdiff_t written = 0;
+    while (is_digit(*q) && q - first_exponent < 4) written = written * 10 + (*q++ - '0');
+    if (q == first_exponent || is_digit(*q)) return parse_decimal_exactly(cursor, last, value);
+    exponent += is_small ? -written : written;
+    p = q;
+  }
+  if (num_digits == 0 || num_digits > 19 || mantissa > (std::uint64_t{1} << 53U) ||
+      exponent < -22 || exponent > 22) {
+    return parse_decimal_exactly(cursor, last, value);
+  }
+  const auto integer = static_cast<double>(static_cast<std::int64_t>(mantissa));
+  const double magnitude =
+      exponent < 0 ? integer / kPowersOfTen[-exponent] : integer * kPowersOfTen[exponent];
+  value = std::bit_cast<double>(std::bit_cast<std::uint64_t>(magnitude) |
+                                static_cast<std::uint64_t>(is_negative) << 63U);
+  cursor = p;
+  return DecimalStatus::ok;
+}
 
 inline void TextScanner::skip_blanks() {
   while (kind(cursor_) == blank) ++cursor_;
@@ -161,20 +256,53 @@ inline double TextScanner::number(const char* what) {
 
 inline std::int64_t TextScanner::index(const char* what, char stop) {
   skip_blanks();
-  // Up to eight digits without a sign: nearly every index there is.
+  // Up to eighteen digits without a sign: nearly every index there is.
   const char* p = cursor_;
-  std::int64_t value = 0;
-  unsigned digit = 0;
-  while ((digit = static_cast<unsigned>(*p) - unsigned{'0'}) < 10U && p - cursor_ < 9) {
-    value = value * 10 + static_cast<std::int64_t>(digit);
-    ++p;
-  }
+  std::uint64_t value = 0;
+  take_digits(p, last_, value);
   const Kind here = kind(p);
-  if (p != cursor_ && (here == blank || here == line_end)) {
+  if (p != cursor_ && p - cursor_ <= 18 && (here == blank || here == line_end)) {
     cursor_ = p;
-    return value;
+    return static_cast<std::int64_t>(value);
   }
   return parse_integer(what, true, stop);
+}
+
+inline void TextScanner::numbers(double* out, int count, const char* what) {
+  const char* p = cursor_;
+  for (int i = 0; i < count; ++i) {
+    while (kind(p) == blank) ++p;
+    const char* end = p;
+    double value = 0.0;
+    if (parse_decimal(end, last_, value) != DecimalStatus::ok ||
+        (kind(end) != blank && kind(end) != line_end)) {
+      cursor_ = p;
+      value = number(what);
+      end = cursor_;
+    }
+    out[i] = value;
+    p = end;
+  }
+  cursor_ = p;
+}
+
+inline void TextScanner::indices(std::int64_t* out, int count, const char* what) {
+  const char* p = cursor_;
+  for (int i = 0; i < count; ++i) {
+    while (kind(p) == blank) ++p;
+    const char* end = p;
+    std::uint64_t value = 0;
+    take_digits(end, last_, value);
+    if (end != p && end - p <= 18 && (kind(end) == blank || kind(end) == line_end)) {
+      out[i] = static_cast<std::int64_t>(value);
+    } else {
+      cursor_ = p;
+      out[i] = index(what);
+      end = cursor_;
+    }
+    p = end;
+  }
+  cursor_ = p;
 }
 
 }  // namespace dupin::detail
