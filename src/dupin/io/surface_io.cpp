@@ -50,6 +50,10 @@ SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOpt
 
 SurfaceFile parse_surface(std::span<const std::uint8_t> bytes, const std::string& name,
                           const ReadOptions& options, RunControl run) {
+  // Only a name that says so is unpacked: gzip bytes under another name are a mistake.
+  if (detail::ends_with_gz(name) && bytes.size() >= 2 && bytes[0] == 0x1F && bytes[1] == 0x8B) {
+    return parse_content(detail::gunzip(bytes, name, options.limits), name, options, run);
+  }
   return parse_content(bytes, name, options, run);
 }
 

@@ -16,14 +16,14 @@ namespace {
 const std::set<std::string> kReaderErrors = {
     "E_EMPTY",         "E_MAGIC",        "E_TRUNCATED",  "E_HEADER",      "E_SYNTAX",
     "E_DECIMAL_COMMA", "E_NUMBER_RANGE", "E_LIST_COUNT", "E_INDEX_RANGE", "E_COUNT_EXCEEDS_FILE",
-    "E_LINE_TOO_LONG", "E_NONFINITE"};
+    "E_LINE_TOO_LONG", "E_NONFINITE",    "E_NESTING",    "E_CYCLE",       "E_EXPANSION"};
 const std::set<std::string> kReaderWarnings = {"W_BOM", "W_TRAILING_DATA", "W_ATTR_INDEX"};
 
 class Corpus : public ::testing::Test {
  protected:
   void SetUp() override {
     for (test::BadMesh& mesh : test::generate_badmesh(folder_.path())) {
-      const std::set<std::string> ours = {"ply", "obj", "off", "stl"};
+      const std::set<std::string> ours = {"ply", "obj", "off", "stl", "gz"};
       if (ours.count(mesh.format) > 0) meshes_.push_back(std::move(mesh));
     }
     if (meshes_.empty()) GTEST_SKIP() << "the generator of bad meshes is not on this machine";
@@ -54,6 +54,8 @@ TEST_F(Corpus, EveryFileIsAnsweredAsTheManifestSays) {
         EXPECT_EQ(file.mesh.num_faces(), bad.num_faces);
       }
       for (const Warning& warning : file.warnings.all()) {
+        // What a scene holds beside its surface is said, but no defect of the file.
+        if (warning.code == "W_UNSUPPORTED_NODE") continue;
         EXPECT_EQ(std::count(bad.codes.begin(), bad.codes.end(), warning.code), 1) << warning.code;
       }
       for (const std::string& code : bad.codes) {
