@@ -25,6 +25,7 @@ constexpr Parser kParsers[] = {
     {"obj", detail::parse_obj},
     {"off", detail::parse_off},
     {"stl", detail::parse_stl},
+    {"wrl", detail::parse_wrl},
 };
 
 SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOptions& options,

@@ -23,7 +23,7 @@ class Corpus : public ::testing::Test {
  protected:
   void SetUp() override {
     for (test::BadMesh& mesh : test::generate_badmesh(folder_.path())) {
-      const std::set<std::string> ours = {"ply", "obj", "off", "stl", "gz"};
+      const std::set<std::string> ours = {"ply", "obj", "off", "stl", "wrl", "gz"};
       if (ours.count(mesh.format) > 0) meshes_.push_back(std::move(mesh));
     }
     if (meshes_.empty()) GTEST_SKIP() << "the generator of bad meshes is not on this machine";
