@@ -55,7 +55,8 @@ bool is_exact_binary_stl(ByteSpan bytes) {
   if (bytes.size() < 84) return false;
   const auto count =
       load<std::uint32_t, std::endian::native == std::endian::big>(bytes.data() + 80);
-  return 84 + std::uint64_t{50} * count == bytes.size();
+  // 84 bytes of an empty surface look like the start of many a binary file: its name decides.
+  return count > 0 && 84 + std::uint64_t{50} * count == bytes.size();
 }
 
 bool is_off_word(std::string_view word) {

@@ -26,6 +26,11 @@ constexpr Parser kParsers[] = {
     {"off", detail::parse_off},
     {"stl", detail::parse_stl},
     {"wrl", detail::parse_wrl},
+    {"abs", detail::parse_abs},
+    {"bnt", detail::parse_bnt},
+    {"xyz", detail::parse_xyz},
+    {"pts", detail::parse_pts},
+    {"pcd", detail::parse_pcd},
 };
 
 SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOptions& options,
