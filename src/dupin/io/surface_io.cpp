@@ -31,6 +31,7 @@ constexpr Parser kParsers[] = {
     {"xyz", detail::parse_xyz},
     {"pts", detail::parse_pts},
     {"pcd", detail::parse_pcd},
+    {"glb", detail::parse_glb},
 };
 
 SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOptions& options,

@@ -344,9 +344,9 @@ std::string format_surface(const SurfaceOutput& surface, SurfaceFormat format) {
     case SurfaceFormat::stl_ascii:
       return format_stl_ascii(surface);
     case SurfaceFormat::glb:
-      break;
+      return detail::format_glb(surface);
   }
-  throw InvalidArgument("GLB is not written by this build");
+  throw InvalidArgument("unknown surface format");
 }
 
 }  // namespace dupin
