@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <span>
 
 #include "dupin/mesh/mesh.h"
 
@@ -19,6 +20,13 @@ struct PolygonMesh {
 
   Eigen::Index num_faces() const {
     return face_offset.size() > 0 ? face_offset.size() - 1 : face_index.size() / 3;
+  }
+
+  /// The vertices of face `f` in order.
+  std::span<const std::int32_t> face(Eigen::Index f) const {
+    if (face_offset.size() == 0) return {face_index.data() + 3 * f, 3};
+    return {face_index.data() + face_offset(f),
+            static_cast<std::size_t>(face_offset(f + 1) - face_offset(f))};
   }
 };
 
