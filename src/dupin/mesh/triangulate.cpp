@@ -32,8 +32,7 @@ double straight(const RowVector2d& a, const RowVector2d& b, const RowVector2d& c
 // ear.
 class BlockerGrid {
  public:
-  BlockerGrid(const std::vector<RowVector2d>& points, const std::vector<int32_t>& blockers)
-      : points_(points) {
+  BlockerGrid(const std::vector<RowVector2d>& points, const std::vector<int32_t>& blockers) {
     low_ = points[0];
     RowVector2d high = points[0];
     for (const RowVector2d& p : points) {
@@ -78,7 +77,6 @@ class BlockerGrid {
     return static_cast<size_t>(cell(p, 1) * side_ + cell(p, 0));
   }
 
-  const std::vector<RowVector2d>& points_;
   RowVector2d low_;
   RowVector2d cells_per_length_;
   int side_ = 1;
