@@ -70,6 +70,30 @@ TEST(Ply, ReadsEveryScalarTypeInEveryEncoding) {
   }
 }
 
+// Each corner of a triangle is checked, in both encodings, one past the end and below zero.
+TEST(Ply, ChecksEveryCorner) {
+  for (int corner = 0; corner < 3; ++corner) {
+    for (const std::int32_t wrong : {3, -1, 2147483647}) {
+      std::int32_t indices[3] = {0, 1, 2};
+      indices[corner] = wrong;
+      const std::string rest = std::string(
+                                   " 1.0\nelement vertex 3\nproperty float x\nproperty "
+                                   "float y\nproperty float z\n") +
+                               kTriangleFaces + "end_header\n";
+      std::string binary = "ply\nformat binary_little_endian" + rest;
+      for (int i = 0; i < 9; ++i) put(binary, static_cast<float>(i));
+      put(binary, std::uint8_t{3});
+      std::string text = "ply\nformat ascii" + rest + "0 0 0\n1 0 0\n0 1 0\n3";
+      for (const std::int32_t index : indices) {
+        put(binary, index);
+        text += " " + std::to_string(index);
+      }
+      EXPECT_EQ(test::code_of(binary, "a.ply"), "E_INDEX_RANGE") << corner << " " << wrong;
+      EXPECT_EQ(test::code_of(text + "\n", "a.ply"), "E_INDEX_RANGE") << corner << " " << wrong;
+    }
+  }
+}
+
 TEST(Ply, KeepsNormalsAndZeroesThoseThatAreNotFinite) {
   const std::string text =
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float nx\nproperty float ny\nproperty "
