@@ -1,0 +1,300 @@
+#include <fmt/format.h>
+
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <sstream>
+
+#include "context.h"
+#include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
+#include "dupin/io/file.h"
+#include "dupin/io/npz.h"
+#include "dupin/io/png.h"
+#include "dupin/render/renderer.h"
+#include "surface_picture.h"
+
+namespace dupin::cli {
+namespace {
+
+struct Settings {
+  std::string mesh;
+  std::string output;
+  std::string color = "none";
+  int level = 20;
+  std::string keypoints;
+  std::string lines;
+  double line_width = 2.0;
+  std::string view = "iso";
+  double perspective = Camera{}.perspective;
+  std::string size = "1600x1200";
+  std::string map;
+  std::string range;
+  std::string title;
+  std::string caption;
+  bool no_legend = false;
+  std::string background = "white";
+};
+
+std::pair<double, double> parse_pair(const std::string& text, char separator,
+                                     const std::string& what) {
+  std::pair<double, double> out;
+  const char* end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, out.first);
+  if (first.ec == std::errc() && first.ptr != end && *first.ptr == separator) {
+    const auto second = std::from_chars(first.ptr + 1, end, out.second);
+    if (second.ec == std::errc() && second.ptr == end && std::isfinite(out.first) &&
+        std::isfinite(out.second)) {
+      return out;
+    }
+  }
+  throw InvalidArgument(what + " is \"" + escaped(text, 40) + "\", expected two numbers as in A" +
+                        separator + "B");
+}
+
+std::string text_of(const std::string& path, const ReadLimits& limits) {
+  const FileBytes file = FileBytes::open(path, limits);
+  return std::string(file.bytes().begin(), file.bytes().end());
+}
+
+// Values of FILE.npy: one a vertex of the input, or levels by vertices of which `level` is taken.
+ColorSignal npy_signal(const PictureSurface& surface, const std::string& path, int level,
+                       const ReadLimits& limits) {
+  const NpyArray array = read_npy(path, limits);
+  const Eigen::Index num_vertices = surface.num_input_vertices;
+  Eigen::VectorXd given;
+  if (array.values.rows() == num_vertices && array.values.cols() == 1) {
+    given = array.values.col(0);
+  } else if (array.values.cols() == num_vertices && level < array.values.rows()) {
+    given = array.values.row(level).transpose();
+  } else {
+    throw AnalysisError(
+        "E_SIZE",
+        fmt::format("the array is {} x {}, expected {} values or levels x {}", array.values.rows(),
+                    array.values.cols(), num_vertices, num_vertices),
+        "one value a vertex of the input file");
+  }
+  ColorSignal signal;
+  signal.values.resize(surface.points.rows());
+  for (Eigen::Index v = 0; v < signal.values.size(); ++v) {
+    signal.values[v] = given[surface.input_vertex[static_cast<std::size_t>(v)]];
+  }
+  signal.is_signed = signal.values.size() > 0 && signal.values.minCoeff() < 0.0;
+  signal.label = path.substr(path.find_last_of('/') + 1);
+  return signal;
+}
+
+struct DrawnKeypoint {
+  SceneSphere sphere;
+  double snr = 0.0;
+  bool has_snr = false;
+};
+
+// What `dupin keypoints --json` printed.
+std::vector<DrawnKeypoint> read_keypoints(const std::string& path, const ReadLimits& limits) {
+  std::vector<DrawnKeypoint> out;
+  try {
+    const auto document = nlohmann::json::parse(text_of(path, limits));
+    for (const auto& item : document.at("keypoints")) {
+      DrawnKeypoint keypoint;
+      for (int k = 0; k < 3; ++k) {
+        keypoint.sphere.center[k] = item.at("position").at(static_cast<std::size_t>(k));
+      }
+      keypoint.sphere.radius = item.at("radius");
+      keypoint.sphere.color = keypoint_color(item.at("kind").get<std::string>() == "max");
+      if (item.contains("snr") && item["snr"].is_number()) {
+        keypoint.snr = item["snr"];
+        keypoint.has_snr = true;
+      }
+      out.push_back(keypoint);
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw IoError(Errc::malformed, "E_SYNTAX", error.what(), {path, 0, -1},
+                  "expected the output of dupin keypoints --json");
+  }
+  return out;
+}
+
+// The "v" and "l" lines of an OBJ file; whatever else it holds is no line.
+std::vector<ScenePolyline> read_lines(const std::string& path, double width,
+                                      const ReadLimits& limits) {
+  std::istringstream in(text_of(path, limits));
+  in.imbue(std::locale::classic());
+  std::vector<Eigen::RowVector3d> points;
+  std::vector<ScenePolyline> out;
+  std::string line;
+  std::int64_t number = 0;
+  while (std::getline(in, line)) {
+    ++number;
+    std::istringstream words(line);
+    words.imbue(std::locale::classic());
+    std::string word;
+    words >> word;
+    if (word == "v") {
+      Eigen::RowVector3d p;
+      if (!(words >> p[0] >> p[1] >> p[2])) {
+        throw IoError(Errc::malformed, "E_SYNTAX", "a vertex needs three numbers",
+                      {path, number, -1});
+      }
+      points.push_back(p);
+    } else if (word == "l") {
+      std::vector<std::int64_t> index;
+      for (std::int64_t i = 0; words >> i;) index.push_back(i);
+      ScenePolyline polyline;
+      polyline.points.resize(static_cast<Eigen::Index>(index.size()), 3);
+      for (std::size_t k = 0; k < index.size(); ++k) {
+        const auto count = static_cast<std::int64_t>(points.size());
+        const std::int64_t i = index[k] < 0 ? count + index[k] : index[k] - 1;
+        if (i < 0 || i >= count) {
+          throw IoError(Errc::malformed, "E_INDEX_RANGE",
+                        fmt::format("a line uses vertex {} of {}", index[k], count),
+                        {path, number, -1});
+        }
+        polyline.points.row(static_cast<Eigen::Index>(k)) = points[static_cast<std::size_t>(i)];
+      }
+      polyline.thickness_px = Eigen::VectorXd::Constant(1, width);
+      out.push_back(polyline);
+    }
+  }
+  return out;
+}
+
+// Balls coloured by their signal-to-noise ratio instead of their kind.
+void color_by_snr(Scene& scene, const std::vector<DrawnKeypoint>& keypoints) {
+  Eigen::VectorXd snr(static_cast<Eigen::Index>(keypoints.size()));
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    if (!keypoints[i].has_snr) {
+      throw AnalysisError("E_NO_SNR", "the keypoints carry no snr",
+                          "write them with dupin keypoints --json");
+    }
+    snr[static_cast<Eigen::Index>(i)] = keypoints[i].snr;
+  }
+  scene.scale = {ColorMap::sequential, robust_range(snr)};
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    scene.spheres[i].color = scene.scale.color(keypoints[i].snr);
+    scene.spheres[i].opacity = 0.5;
+  }
+  scene.legend.scale_label = "SNR";
+  scene.legend.has_color_bar = true;
+}
+
+Scene make_scene(const PictureSurface& surface, const Settings& settings, Context& context) {
+  Scene scene;
+  scene.surfaces.push_back(to_scene_surface(surface));
+  scene.legend.has_scale_bar = true;
+  const bool is_file = settings.color.ends_with(".npy");
+  if (is_file) {
+    color_by(scene, npy_signal(surface, settings.color, settings.level, context.read.limits));
+  } else if (settings.color != "none" && settings.color != "snr") {
+    color_by(scene, compute_color_signal(surface, settings.color, settings.level,
+                                         context.run.stage(0.1, 0.6)));
+  }
+  if (!settings.keypoints.empty()) {
+    const auto keypoints = read_keypoints(settings.keypoints, context.read.limits);
+    for (const DrawnKeypoint& keypoint : keypoints) scene.spheres.push_back(keypoint.sphere);
+    if (settings.color == "snr") color_by_snr(scene, keypoints);
+  } else if (settings.color == "snr") {
+    throw InvalidArgument("--color snr colours keypoints", "give them with --keypoints KP.json");
+  }
+  if (!settings.lines.empty()) {
+    scene.polylines = read_lines(settings.lines, settings.line_width, context.read.limits);
+  }
+  if (settings.map == "sequential") scene.scale.map = ColorMap::sequential;
+  if (settings.map == "diverging") scene.scale.map = ColorMap::diverging;
+  if (!settings.range.empty()) {
+    const auto [low, high] = parse_pair(settings.range, ',', "range");
+    if (!(low < high)) throw InvalidArgument("range needs LOW < HIGH");
+    scene.scale.range = {low, high};
+  }
+  scene.legend.title = settings.title;
+  scene.legend.caption = settings.caption;
+  if (settings.no_legend) scene.legend = {};
+  return scene;
+}
+
+void render(const Settings& settings, Context& context) {
+  const auto [width, height] = parse_pair(settings.size, 'x', "size");
+  RenderOptions options;
+  if (!(width >= 16.0 && width <= 16384.0 && height >= 16.0 && height <= 16384.0)) {
+    throw InvalidArgument("size is outside 16x16 to 16384x16384");
+  }
+  options.width = static_cast<int>(width);
+  options.height = static_cast<int>(height);
+  options.camera = camera_of(settings.view);
+  options.camera.perspective = settings.perspective;
+  if (settings.background == "transparent") options.background = Background::transparent;
+  set_thread_count(context.threads);
+  const auto start = std::chrono::steady_clock::now();
+  Scene scene;
+  Image image;
+  with_progress(context, "render", [&] {
+    const PictureSurface surface = load_surface(settings.mesh, context);
+    scene = make_scene(surface, settings, context);
+    image = render_surface(scene, options, context.run.stage(0.6, 1.0));
+  });
+  write_png(settings.output, image);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  context.say(fmt::format("{}: {} vertices, {} faces, {} keypoints, {:.2f} s", settings.output,
+                          scene.surfaces[0].points.rows(), scene.surfaces[0].triangles.rows(),
+                          scene.spheres.size(), seconds.count()));
+  nlohmann::ordered_json document{{"output", settings.output},
+                                  {"width", options.width},
+                                  {"height", options.height},
+                                  {"vertices", scene.surfaces[0].points.rows()},
+                                  {"faces", scene.surfaces[0].triangles.rows()},
+                                  {"keypoints", scene.spheres.size()},
+                                  {"lines", scene.polylines.size()}};
+  document["range"] = scene.surfaces[0].scalar.size() > 0
+                          ? nlohmann::ordered_json{scene.scale.range.low, scene.scale.range.high}
+                          : nlohmann::ordered_json();
+  document["seconds"] = seconds.count();
+  context.print_json(document);
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Context& context) {
+  auto settings = std::make_shared<Settings>();
+  CLI::App* verb = app.add_subcommand("render", "Draw a surface, its signals and keypoints as PNG");
+  verb->footer(
+      "Examples:\n"
+      "  dupin render armadillo.off -o plain.png --view 210,15\n"
+      "  dupin render armadillo.off -o loc.png --color si_loc --level 20\n"
+      "  dupin keypoints armadillo.off --json > kp.json\n"
+      "  dupin render armadillo.off -o keypoints.png --keypoints kp.json");
+  add_global_options(*verb, context);
+  verb->add_option("mesh", settings->mesh, "Surface; - is standard input")->required();
+  verb->add_option("-o,--output", settings->output, "PNG to write")->required();
+  verb->add_option("--color", settings->color,
+                   "none, height, H, K, k1, k2, loc, si_loc, snr (of keypoints) or FILE.npy")
+      ->capture_default_str();
+  verb->add_option("--level", settings->level, "Level of loc and si_loc, row of FILE.npy")
+      ->check(CLI::Range(0, 10'000))
+      ->capture_default_str();
+  verb->add_option("--keypoints", settings->keypoints, "Output of dupin keypoints --json");
+  verb->add_option("--lines", settings->lines, "OBJ file with l lines to draw");
+  verb->add_option("--line-width", settings->line_width, "Width of the lines [px]")
+      ->check(CLI::Range(0.1, 100.0))
+      ->capture_default_str();
+  verb->add_option("--view", settings->view,
+                   "front, back, left, right, top, bottom, iso, or AZIMUTH,ELEVATION in degrees")
+      ->capture_default_str();
+  verb->add_option("--perspective", settings->perspective,
+                   "Size of the scene over the distance of the eye; 0: parallel projection")
+      ->check(CLI::Range(0.0, 0.8))
+      ->capture_default_str();
+  verb->add_option("--size", settings->size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+  verb->add_option("--map", settings->map, "Colour map (default: by the sign of the values)")
+      ->check(CLI::IsMember({"diverging", "sequential"}));
+  verb->add_option("--range", settings->range, "LOW,HIGH of the colours (default: 2 % left out)");
+  verb->add_option("--title", settings->title, "Title over the picture");
+  verb->add_option("--caption", settings->caption, "Line under the picture");
+  verb->add_flag("--no-legend", settings->no_legend, "The picture alone");
+  verb->add_option("--background", settings->background, "white or transparent")
+      ->check(CLI::IsMember({"white", "transparent"}))
+      ->capture_default_str();
+  verb->callback([settings, &context] { render(*settings, context); });
+}
+
+}  // namespace dupin::cli
