@@ -61,7 +61,7 @@ struct Timing {
 
 /// What the chain computed of one subject, in the unit of the input.
 struct Analysis {
-  PictureSurface surface;
+  LoadedSurface surface;
   Eigen::VectorXd signal;
   LevelSchedule schedule;
   Eigen::VectorXd tau;
@@ -140,7 +140,7 @@ std::vector<Subject> built_in_subjects(const fs::path& directory) {
 
 Analysis analyse(const Subject& subject, Timing& timing, Context& context) {
   Analysis out;
-  out.surface = to_picture_surface(subject.mesh, subject.name, context);
+  out.surface = to_loaded_surface(subject.mesh, subject.name, context);
   const SurfaceGraph& graph = out.surface.graph;
   out.mean_edge = graph.mean_edge * out.surface.unit;
   timing.name = subject.title;

@@ -59,7 +59,7 @@ std::string text_of(const std::string& path, const ReadLimits& limits) {
 }
 
 // Values of FILE.npy: one a vertex of the input, or levels by vertices of which `level` is taken.
-ColorSignal npy_signal(const PictureSurface& surface, const std::string& path, int level,
+ColorSignal npy_signal(const LoadedSurface& surface, const std::string& path, int level,
                        const ReadLimits& limits) {
   const NpyArray array = read_npy(path, limits);
   const Eigen::Index num_vertices = surface.num_input_vertices;
@@ -179,7 +179,7 @@ void color_by_snr(Scene& scene, const std::vector<DrawnKeypoint>& keypoints) {
   scene.legend.has_color_bar = true;
 }
 
-Scene make_scene(const PictureSurface& surface, const Settings& settings, Context& context) {
+Scene make_scene(const LoadedSurface& surface, const Settings& settings, Context& context) {
   Scene scene;
   scene.surfaces.push_back(to_scene_surface(surface));
   scene.legend.has_scale_bar = true;
@@ -229,7 +229,7 @@ void render(const Settings& settings, Context& context) {
   Scene scene;
   Image image;
   with_progress(context, "render", [&] {
-    const PictureSurface surface = load_surface(settings.mesh, context);
+    const LoadedSurface surface = load_surface(settings.mesh, context);
     scene = make_scene(surface, settings, context);
     image = render_surface(scene, options, context.run.stage(0.6, 1.0));
   });

@@ -3,54 +3,15 @@
 #include <cmath>
 
 #include "dupin/base/error.h"
-#include "dupin/io/surface_io.h"
-#include "dupin/mesh/heal.h"
 #include "dupin/scalespace/scale_space.h"
 
 namespace dupin::cli {
-namespace {
-
-PictureSurface cloud_surface(const PolygonMesh& mesh, Context& context) {
-  PictureSurface out;
-  out.graph = surface_graph(PointCloud{mesh.points, mesh.normals}, {}, context.run);
-  out.points = mesh.points;
-  out.num_input_vertices = mesh.points.rows();
-  for (Eigen::Index v = 0; v < mesh.points.rows(); ++v) {
-    out.input_vertex.push_back(static_cast<std::int32_t>(v));
-  }
-  return out;
-}
-
-}  // namespace
-
-PictureSurface to_picture_surface(const PolygonMesh& mesh, const std::string& name,
-                                  Context& context) {
-  HealOptions options;
-  options.drop_nonfinite = context.read.drop_nonfinite;
-  const HealedSurface healed = heal(mesh, options, context.run);
-  context.report(name, healed.warnings);
-  PictureSurface out;
-  out.graph = surface_graph(healed.mesh, healed.is_guarded);
-  out.unit = healed.unit();
-  out.input_vertex = healed.input_vertex;
-  out.num_input_vertices = healed.num_input_vertices;
-  out.points = (healed.mesh.points * healed.unit()).rowwise() + healed.center;
-  return out;
-}
-
-PictureSurface load_surface(const std::string& path, Context& context) {
-  const SurfaceFile file = read_surface(path, context.read, context.run);
-  context.report(path, file.warnings);
-  if (file.mesh.num_faces() == 0) return cloud_surface(file.mesh, context);
-  return to_picture_surface(file.mesh, path, context);
-}
-
 const std::vector<std::string>& color_signal_names() {
   static const std::vector<std::string> names = {"height", "H", "K", "k1", "k2", "loc", "si_loc"};
   return names;
 }
 
-ColorSignal compute_color_signal(const PictureSurface& surface, const std::string& name, int level,
+ColorSignal compute_color_signal(const LoadedSurface& surface, const std::string& name, int level,
                                  const RunControl& run) {
   ColorSignal out;
   const bool is_stack = name == "loc" || name == "si_loc";
@@ -95,7 +56,7 @@ ColorSignal compute_color_signal(const PictureSurface& surface, const std::strin
   return out;
 }
 
-SceneSurface to_scene_surface(const PictureSurface& surface) {
+SceneSurface to_scene_surface(const LoadedSurface& surface) {
   SceneSurface out;
   out.points = surface.points;
   out.triangles = surface.graph.triangles;

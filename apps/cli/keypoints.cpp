@@ -1,0 +1,243 @@
+#include "dupin/features/keypoints.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <memory>
+
+#include "context.h"
+#include "dupin/base/error.h"
+#include "dupin/io/file.h"
+#include "dupin/io/surface_io.h"
+#include "dupin/scalespace/scale_space.h"
+#include "stack_options.h"
+
+namespace dupin::cli {
+namespace {
+
+using Eigen::Index;
+using Json = nlohmann::ordered_json;
+
+struct KeypointRequest {
+  StackRequest stack;
+  KeypointOptions options;
+  std::string rule = "persistent";
+  std::string radius = "exact";
+  std::string preset;
+  std::string output;
+};
+
+struct Found {
+  LoadedSurface surface;
+  Eigen::VectorXd tau;
+  KeypointSet set;
+  double response_unit = 1.0;  // input unit of a local response
+};
+
+// "thesis": everything as the thesis has it (chapter 5.1 and 5.2).
+void apply_preset(KeypointRequest& request) {
+  if (request.preset != "thesis") return;
+  request.stack.signal = "H";
+  request.stack.weights = "umbrella";
+  request.stack.filter = "implicit";
+  request.rule = "space-scale";
+  request.radius = "thesis";
+}
+
+KeypointOptions library_options(const KeypointRequest& request) {
+  static const std::map<std::string, KeypointRule> rules{{"persistent", KeypointRule::persistent},
+                                                         {"space-scale", KeypointRule::space_scale},
+                                                         {"level", KeypointRule::level}};
+  KeypointOptions options = request.options;
+  options.rule = rules.at(request.rule);
+  options.measure = request.radius == "thesis" ? ScaleMeasure::thesis : ScaleMeasure::exact;
+  return options;
+}
+
+Found find(Context& context, const KeypointRequest& request) {
+  Found found;
+  found.surface = load_surface(request.stack.mesh, context, request.stack.neighbors);
+  const SignalColumns signal = make_signal(found.surface, request.stack, context);
+  if (signal.columns.cols() != 1) {
+    throw InvalidArgument("keypoints need one value a vertex, the signal has " +
+                          std::to_string(signal.columns.cols()));
+  }
+  found.response_unit = signal.to_input;
+  const DiffusionOperator op = make_operator(found.surface, request.stack.weights);
+  ScaleSpaceOptions options = stack_options(request.stack);
+  options.want_levels = false;
+  const ScaleSpace stack =
+      compute_scale_space(op, signal.columns.col(0), options, context.run.stage(0.25, 0.9));
+  require_done(stack.status);
+  found.tau = stack.tau;
+  const double scale = signal.columns.size() > 0 ? signal.columns.cwiseAbs().maxCoeff() : 0.0;
+  found.set = find_keypoints(found.surface.graph, stack.loc, request.stack.schedule, scale,
+                             library_options(request), context.run.stage(0.9, 1.0));
+  require_done(found.set.status);
+  return found;
+}
+
+const char* kind_name(const Keypoint& point) {
+  return point.kind == KeypointKind::maximum ? "max" : "min";
+}
+
+Json document_of(const Found& found) {
+  Json list = Json::array();
+  for (const Keypoint& p : found.set.keypoints) {
+    const auto at = [&](const Points& points) {
+      return Json::array({points(p.vertex, 0), points(p.vertex, 1), points(p.vertex, 2)});
+    };
+    list.push_back({{"vertex", found.surface.input_vertex[static_cast<std::size_t>(p.vertex)]},
+                    {"position", at(found.surface.points)},
+                    {"normal", at(found.surface.graph.normals)},
+                    {"level", p.level},
+                    {"tau", p.tau},
+                    {"radius", p.radius * found.surface.unit},
+                    {"response", p.response * found.response_unit},
+                    {"kind", kind_name(p)},
+                    {"persistence", p.persistence},
+                    {"snr", nullptr},
+                    {"p_value", nullptr}});
+  }
+  return {{"mean_edge_length", found.surface.graph.mean_edge * found.surface.unit},
+          {"tau", std::vector<double>(found.tau.data(), found.tau.data() + found.tau.size())},
+          {"noise_sigma", nullptr},
+          {"keypoints", list},
+          {"warnings", to_json(found.surface.warnings)}};
+}
+
+std::string to_csv(const Found& found) {
+  std::string text = "vertex,x,y,z,nx,ny,nz,level,tau,radius,response,kind,persistence\n";
+  for (const Keypoint& p : found.set.keypoints) {
+    const auto x = found.surface.points.row(p.vertex);
+    const auto n = found.surface.graph.normals.row(p.vertex);
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+                        found.surface.input_vertex[static_cast<std::size_t>(p.vertex)], x[0], x[1],
+                        x[2], n[0], n[1], n[2], p.level, p.tau, p.radius * found.surface.unit,
+                        p.response * found.response_unit, kind_name(p), p.persistence);
+  }
+  return text;
+}
+
+SurfaceOutput to_points(const Found& found) {
+  SurfaceOutput out;
+  const auto count = static_cast<Index>(found.set.keypoints.size());
+  out.points.resize(count, 3);
+  out.triangles.resize(0, 3);
+  const char* names[] = {"nx",  "ny",     "nz",       "vertex",  "level",
+                         "tau", "radius", "response", "maximum", "persistence"};
+  for (const char* name : names) out.properties.push_back({name, Eigen::VectorXd(count), false});
+  for (Index i = 0; i < count; ++i) {
+    const Keypoint& p = found.set.keypoints[static_cast<std::size_t>(i)];
+    out.points.row(i) = found.surface.points.row(p.vertex);
+    const double values[] = {
+        found.surface.graph.normals(p.vertex, 0),
+        found.surface.graph.normals(p.vertex, 1),
+        found.surface.graph.normals(p.vertex, 2),
+        static_cast<double>(found.surface.input_vertex[static_cast<std::size_t>(p.vertex)]),
+        static_cast<double>(p.level),
+        p.tau,
+        p.radius * found.surface.unit,
+        p.response * found.response_unit,
+        p.kind == KeypointKind::maximum ? 1.0 : 0.0,
+        static_cast<double>(p.persistence)};
+    for (std::size_t k = 0; k < std::size(values); ++k) out.properties[k].values[i] = values[k];
+  }
+  return out;
+}
+
+std::string extension_of(const std::string& path) {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string::npos ? "" : path.substr(dot);
+}
+
+void write(const Found& found, const std::string& path) {
+  const std::string extension = extension_of(path);
+  if (extension == ".json") {
+    write_file_atomically(path, document_of(found).dump(1) + "\n");
+  } else if (extension == ".csv") {
+    write_file_atomically(path, to_csv(found));
+  } else {
+    write_surface(path, to_points(found), SurfaceFormat::ply_binary);
+  }
+}
+
+void run_keypoints(Context& context, KeypointRequest& request) {
+  apply_preset(request);
+  if (!request.output.empty()) {
+    const std::string extension = extension_of(request.output);
+    if (extension != ".ply" && extension != ".json" && extension != ".csv") {
+      throw InvalidArgument("output has the extension \"" + escaped(extension, 20) +
+                            "\", legal: .ply, .json, .csv");
+    }
+  }
+  Found found;
+  with_progress(context, "keypoints", [&] {
+    found = find(context, request);
+    if (!request.output.empty() && !context.run.cancelled()) write(found, request.output);
+  });
+  context.print_json(document_of(found));
+  if (context.json) return;
+  context.say(fmt::format("{} keypoints on {} vertices, mean edge {:.6g}",
+                          found.set.keypoints.size(), found.surface.num_input_vertices,
+                          found.surface.graph.mean_edge * found.surface.unit));
+  context.say("  vertex  level     radius   response  kind");
+  constexpr std::size_t kShown = 20;
+  for (std::size_t i = 0; i < std::min(kShown, found.set.keypoints.size()); ++i) {
+    const Keypoint& p = found.set.keypoints[i];
+    context.say(fmt::format("{:8d} {:6d} {:10.4g} {:10.3g}  {}",
+                            found.surface.input_vertex[static_cast<std::size_t>(p.vertex)], p.level,
+                            p.radius * found.surface.unit, p.response * found.response_unit,
+                            kind_name(p)));
+  }
+  if (found.set.keypoints.size() > kShown) context.say("  ... all of them with --json or -o");
+}
+
+}  // namespace
+
+void add_keypoints(CLI::App& app, Context& context) {
+  CLI::App* verb = app.add_subcommand("keypoints", "Features with position, scale and sign");
+  verb->footer(
+      "Example:\n  dupin keypoints armadillo.off --json > kp.json\n  dupin keypoints cloud.xyz "
+      "--rule level --level 18 -o kp.ply\n\n"
+      "kind is the extremum of the Laplacian of the signal: a bump is a minimum where normals "
+      "point outward.");
+  add_global_options(*verb, context);
+  auto request = std::make_shared<KeypointRequest>();
+  add_stack_options(*verb, request->stack);
+  KeypointOptions& options = request->options;
+  verb->add_option("--rule", request->rule, "Which extrema are keypoints")
+      ->check(CLI::IsMember({"space-scale", "persistent", "level"}))
+      ->capture_default_str();
+  verb->add_option("--level", options.level,
+                   "Level of --rule level; where --rule persistent reads the position")
+      ->check(CLI::Range(0, 999))
+      ->capture_default_str();
+  verb->add_option("--min-level", options.min_level, "Finest level considered; 0: by the rule")
+      ->check(CLI::Range(0, 999))
+      ->capture_default_str();
+  verb->add_option("--min-persistence", options.min_persistence,
+                   "Levels over which an extremum must be followed")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  verb->add_option("--min-contrast", options.min_contrast, "Smallest |response| times radius")
+      ->check(CLI::Range(0.0, 1e300))
+      ->capture_default_str();
+  verb->add_option("--max-edge-ratio", options.max_edge_ratio,
+                   "Remove responses more edge-like than this; 0: keep")
+      ->check(CLI::Range(0.0, 1e300))
+      ->capture_default_str();
+  verb->add_option("--top", options.top, "Keep the N strongest; 0: all")
+      ->check(CLI::Range(Index{0}, Index{1} << 31))
+      ->capture_default_str();
+  verb->add_option("--radius", request->radius, "Radius law: exact sqrt(tau) e, thesis t e")
+      ->check(CLI::IsMember({"exact", "thesis"}))
+      ->capture_default_str();
+  verb->add_option("--preset", request->preset,
+                   "thesis: signal H, space-scale rule, scales and radii of the thesis")
+      ->check(CLI::IsMember({"thesis"}));
+  verb->add_option("-o,--output", request->output, "Keypoints to write: .ply, .json or .csv");
+  verb->callback([request, &context] { run_keypoints(context, *request); });
+}
+
+}  // namespace dupin::cli

@@ -1,0 +1,155 @@
+#include "stack_options.h"
+
+#include <fmt/format.h>
+
+#include <map>
+
+#include "dupin/base/error.h"
+#include "dupin/io/npz.h"
+#include "dupin/surface/curvature.h"
+#include "dupin/surface/laplacian.h"
+
+namespace dupin::cli {
+namespace {
+
+using Eigen::Index;
+
+const std::map<std::string, Signal>& signal_names() {
+  static const std::map<std::string, Signal> names{{"height", Signal::height},
+                                                   {"H", Signal::mean},
+                                                   {"K", Signal::gauss},
+                                                   {"k1", Signal::k1},
+                                                   {"k2", Signal::k2}};
+  return names;
+}
+
+bool is_array_file(const std::string& name) {
+  return name.size() > 4 && name.compare(name.size() - 4, 4, ".npy") == 0;
+}
+
+SignalColumns signal_from_file(const LoadedSurface& surface, const std::string& path,
+                               const ReadLimits& limits) {
+  const NpyArray array = read_npy(path, limits);
+  const RowMatrixXd& values = array.values;
+  if (values.rows() != surface.num_input_vertices) {
+    throw Error(Errc::impossible, "E_SIZE",
+                fmt::format("{} rows, but the surface has {} vertices", values.rows(),
+                            surface.num_input_vertices),
+                {path, 0, -1}, "one row for every vertex of the input, in its order");
+  }
+  SignalColumns signal;
+  signal.columns.resize(surface.graph.points.rows(), values.cols());
+  for (Index a = 0; a < signal.columns.rows(); ++a) {
+    signal.columns.row(a) = values.row(surface.input_vertex[static_cast<std::size_t>(a)]);
+  }
+  return signal;
+}
+
+}  // namespace
+
+void add_stack_options(CLI::App& verb, StackRequest& request) {
+  verb.add_option("MESH", request.mesh, "Surface or point cloud; - reads standard input")
+      ->required();
+  verb.add_option("--levels", request.schedule.num_levels, "Levels of the stack")
+      ->check(CLI::Range(2, 1000))
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--lambda0", request.schedule.lambda0, "First time step, in squared mean edges")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option_function<double>(
+          "--delta",
+          [&request](double delta) {
+            if (!(delta > 1.0))
+              throw InvalidArgument(fmt::format("delta is {}, legal range > 1", delta));
+            request.schedule.delta = delta;
+          },
+          "Growth of the time steps, > 1 (default 1.2)")
+      ->group("Stack");
+  verb.add_option("--weights", request.weights, "Laplacian")
+      ->check(CLI::IsMember({"umbrella", "cotan"}))
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--signal", request.signal,
+                  "height, H, K, k1, k2, tensor (scalespace) or FILE.npy")
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--filter", request.filter, "implicit: the thesis's; heat: exact diffusion")
+      ->check(CLI::IsMember({"implicit", "heat"}))
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--tolerance", request.tolerance,
+                  "Truncation error relative to the norm of the signal")
+      ->check(CLI::Range(1e-14, 0.1))
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--normal-smoothing", request.normal_smoothing,
+                  "Times that normals are averaged for height")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str()
+      ->group("Stack");
+  verb.add_option("--neighbors", request.neighbors, "Points in the ring of a point of a cloud")
+      ->check(CLI::Range(3, 100))
+      ->capture_default_str()
+      ->group("Stack");
+}
+
+DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weights) {
+  const SurfaceGraph& graph = surface.graph;
+  if (weights == "umbrella") {
+    return umbrella_operator(graph.topology.ring, graph.is_mesh() ? &graph.topology : nullptr);
+  }
+  if (!graph.is_mesh()) {
+    throw AnalysisError("E_NO_FACES", "cotan weights need faces, this is a point cloud",
+                        "--weights umbrella");
+  }
+  const CotanWeights cotan = cotan_weights({graph.points, graph.triangles}, graph.topology);
+  surface.warnings.add("W_WEIGHT_CLAMPED", "an edge",
+                       "negative or needle cotan weights were clamped", cotan.num_clamped_weights);
+  surface.warnings.add("W_MASS_CLAMPED", "a vertex",
+                       "vertex areas below 5 % of the mean were raised", cotan.num_clamped_masses);
+  return cotan_operator(graph.topology.ring, cotan, graph.mean_edge);
+}
+
+SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& request,
+                          Context& context) {
+  const SurfaceGraph& graph = surface.graph;
+  if (is_array_file(request.signal))
+    return signal_from_file(surface, request.signal, context.read.limits);
+  SignalColumns signal;
+  signal.to_input = 1.0 / surface.unit;
+  if (request.signal == "tensor") {
+    if (!graph.is_mesh()) {
+      throw AnalysisError("E_NO_FACES", "the curvature tensor needs faces, this is a point cloud",
+                          "--signal height");
+    }
+    const CurvatureField field = estimate_curvature_taubin(
+        {graph.points, graph.triangles}, graph.topology, context.run.stage(0.2, 0.25));
+    signal.columns = curvature_tensor(field);
+    return signal;
+  }
+  const auto named = signal_names().find(request.signal);
+  if (named == signal_names().end()) {
+    throw InvalidArgument("signal is \"" + escaped(request.signal, 40) +
+                          "\", legal: height, H, K, k1, k2, tensor, FILE.npy");
+  }
+  signal.columns =
+      compute_signal(graph, named->second, request.normal_smoothing, context.run.stage(0.2, 0.25));
+  if (named->second == Signal::gauss) signal.to_input /= surface.unit;
+  return signal;
+}
+
+ScaleSpaceOptions stack_options(const StackRequest& request) {
+  ScaleSpaceOptions options;
+  options.schedule = request.schedule;
+  options.filter = request.filter == "heat" ? Filter::heat : Filter::implicit;
+  options.tolerance = request.tolerance;
+  return options;
+}
+
+void require_done(Status status) {
+  if (status == Status::cancelled) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+}
+
+}  // namespace dupin::cli

@@ -1,0 +1,135 @@
+#include "surface_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "dupin/base/error.h"
+#include "dupin/io/surface_io.h"
+#include "dupin/mesh/heal.h"
+
+namespace dupin::cli {
+namespace {
+
+using Eigen::Index;
+
+void stop_if_cancelled(const Context& context) {
+  if (context.run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+}
+
+// Points with finite coordinates; the reader has already refused others unless it was told to leave
+// them.
+std::vector<std::int32_t> finite_points(const Points& points) {
+  std::vector<std::int32_t> kept;
+  for (Index v = 0; v < points.rows(); ++v) {
+    if (std::isfinite(points(v, 0)) && std::isfinite(points(v, 1)) && std::isfinite(points(v, 2))) {
+      kept.push_back(static_cast<std::int32_t>(v));
+    }
+  }
+  return kept;
+}
+
+// Local coordinates of a cloud by a power of two and, where it lies far from the origin, a shift:
+// as heal() does for surfaces.
+void localise(LoadedSurface& out) {
+  const Eigen::RowVector3d low = out.points.colwise().minCoeff();
+  const Eigen::RowVector3d high = out.points.colwise().maxCoeff();
+  // Halves first: the sum of two large coordinates may overflow.
+  const Eigen::RowVector3d middle = 0.5 * low + 0.5 * high;
+  const double extent = (0.5 * high - 0.5 * low).maxCoeff();
+  if (!(extent > 0.0)) {
+    throw AnalysisError("E_ALL_DEGENERATE", "all points are at one place");
+  }
+  Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
+  for (Index k = 0; k < 3; ++k) {
+    if (std::abs(middle[k]) > 2.0 * extent) shift[k] = middle[k];
+  }
+  int exponent = 0;
+  std::frexp(extent, &exponent);
+  out.unit = std::ldexp(1.0, exponent);
+  out.graph.points.resize(out.points.rows(), 3);
+  for (Index v = 0; v < out.points.rows(); ++v) {
+    for (Index k = 0; k < 3; ++k)
+      out.graph.points(v, k) = std::ldexp(out.points(v, k) - shift[k], -exponent);
+  }
+}
+
+LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Context& context,
+                            int neighbors) {
+  LoadedSurface out;
+  out.num_input_vertices = file.mesh.points.rows();
+  out.input_points = file.mesh.points;
+  out.input_vertex = finite_points(file.mesh.points);
+  if (out.input_vertex.empty()) throw AnalysisError("E_NO_VERTICES", "the file has no points");
+  const auto dropped = out.num_input_vertices - static_cast<Index>(out.input_vertex.size());
+  out.warnings.add("W_NONFINITE_DROPPED", "a point", "points that are not finite were dropped",
+                   dropped);
+  context.report(path, out.warnings);
+  out.analysis_vertex.assign(static_cast<std::size_t>(out.num_input_vertices), -1);
+  PointCloud cloud;
+  const auto count = static_cast<Index>(out.input_vertex.size());
+  out.points.resize(count, 3);
+  const bool has_normals = file.mesh.normals.rows() == out.num_input_vertices;
+  if (has_normals) cloud.normals.resize(count, 3);
+  for (Index a = 0; a < count; ++a) {
+    const std::int32_t v = out.input_vertex[static_cast<std::size_t>(a)];
+    out.analysis_vertex[static_cast<std::size_t>(v)] = static_cast<std::int32_t>(a);
+    out.points.row(a) = file.mesh.points.row(v);
+    if (has_normals) cloud.normals.row(a) = file.mesh.normals.row(v);
+  }
+  localise(out);
+  cloud.points = out.graph.points;
+  CloudGraphOptions options;
+  options.neighbors = neighbors;
+  out.graph = surface_graph(cloud, options, context.run.stage(0.0, 0.4));
+  stop_if_cancelled(context);
+  return out;
+}
+
+}  // namespace
+
+Eigen::VectorXd LoadedSurface::to_input(const Eigen::VectorXd& values, double missing) const {
+  Eigen::VectorXd result = Eigen::VectorXd::Constant(num_input_vertices, missing);
+  for (Index v = 0; v < num_input_vertices; ++v) {
+    const std::int32_t a = analysis_vertex[static_cast<std::size_t>(v)];
+    if (a >= 0) result[v] = values[a];
+  }
+  return result;
+}
+
+LoadedSurface to_loaded_surface(const PolygonMesh& mesh, const std::string& name,
+                                Context& context) {
+  HealOptions options;
+  options.drop_nonfinite = context.read.drop_nonfinite;
+  HealedSurface healed = heal(mesh, options, context.run.stage(0.0, 0.2));
+  stop_if_cancelled(context);
+  context.report(name, healed.warnings);
+  LoadedSurface out;
+  out.warnings = healed.warnings;
+  out.graph = surface_graph(healed.mesh, healed.is_guarded);
+  out.unit = healed.unit();
+  out.num_input_vertices = healed.num_input_vertices;
+  out.input_points = mesh.points;
+  out.points.resize(healed.mesh.points.rows(), 3);
+  for (Index a = 0; a < out.points.rows(); ++a)
+    out.points.row(a) = healed.to_input(healed.mesh.points.row(a));
+  out.input_vertex = std::move(healed.input_vertex);
+  out.analysis_vertex = std::move(healed.analysis_vertex);
+  return out;
+}
+
+LoadedSurface load_surface(const std::string& path, Context& context, int neighbors) {
+  const SurfaceFile file = read_surface(path, context.read, context.run);
+  stop_if_cancelled(context);
+  context.report(path, file.warnings);
+  LoadedSurface out = file.mesh.num_faces() == 0 ? cloud_surface(file, path, context, neighbors)
+                                                 : to_loaded_surface(file.mesh, path, context);
+  WarningList all = file.warnings;
+  all.append(out.warnings);
+  out.warnings = all;
+  return out;
+}
+
+}  // namespace dupin::cli

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "context.h"
+#include "dupin/base/warning.h"
+#include "dupin/mesh/polygon_mesh.h"
+#include "dupin/surface/surface_graph.h"
+
+namespace dupin::cli {
+
+/// A surface as the verbs need it: read, repaired, in local coordinates, with the way back to the
+/// input.
+struct LoadedSurface {
+  SurfaceGraph graph;                      ///< #A vertices in local coordinates
+  Points points;                           ///< #A by 3, input unit, aligned with graph.points
+  double unit = 1.0;                       ///< input length of one local length, a power of two
+  std::vector<std::int32_t> input_vertex;  ///< #A: vertex of the input
+  std::vector<std::int32_t>
+      analysis_vertex;  ///< #V: vertex of the graph, or -1 (isolated, dropped)
+  Eigen::Index num_input_vertices = 0;
+  Points input_points;   ///< #V by 3 as given
+  WarningList warnings;  ///< of reading and repairing
+
+  /// A per-vertex value of the graph in the numbering of the input; `missing` where there is none.
+  Eigen::VectorXd to_input(const Eigen::VectorXd& values, double missing = 0.0) const;
+};
+
+/// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
+/// Warnings go to `context` as well.
+/// @throws Error of read_surface(), heal(), build_cloud_graph(); Errc::interrupted when cancelled
+LoadedSurface load_surface(const std::string& path, Context& context, int neighbors = 8);
+/// The same of a mesh at hand.
+LoadedSurface to_loaded_surface(const PolygonMesh& mesh, const std::string& name, Context& context);
+
+}  // namespace dupin::cli
