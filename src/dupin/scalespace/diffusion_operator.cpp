@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 #include <numeric>
 #include <string>
 
@@ -75,8 +76,51 @@ std::vector<int32_t> row_order(const Adjacency& ring) {
   return order;
 }
 
-// Lays out the rows; `weight_of(k)` is the weight of entry k of ring.neighbor, or nullptr for
-// uniform rows.
+// The rows of one slice, and whether it can be compact.
+struct Slice {
+  Index width = 0;
+  int32_t lowest = 0;
+  bool is_compact = false;
+};
+
+// An isolated vertex is its own neighbour: B f = 0 there.
+Index row_length(const Adjacency& ring, const DiffusionOperator& op, Index r) {
+  return r < op.num_vertices ? std::max(1, ring.valence(op.order[static_cast<size_t>(r)])) : 0;
+}
+
+// Calls action(j, neighbour row, entry of ring.neighbor or -1) for the neighbours of row r.
+template <class Action>
+void for_each_neighbor(const Adjacency& ring, const DiffusionOperator& op, Index r,
+                       Action&& action) {
+  if (r >= op.num_vertices) return;
+  const int32_t v = op.order[static_cast<size_t>(r)];
+  if (ring.valence(v) == 0) action(Index{0}, static_cast<int32_t>(r), std::ptrdiff_t{-1});
+  for (const int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
+    action(j - ring.begin(v), op.row_of[static_cast<size_t>(*j)], j - ring.neighbor.data());
+  }
+}
+
+Slice examine(const Adjacency& ring, const DiffusionOperator& op, Index s, bool allow_compact) {
+  constexpr Index kLanes = DiffusionOperator::kLanes;
+  Slice slice;
+  Index shortest = row_length(ring, op, s * kLanes);
+  int32_t lowest = std::numeric_limits<int32_t>::max();
+  int32_t highest = 0;
+  for (Index r = s * kLanes; r < (s + 1) * kLanes; ++r) {
+    slice.width = std::max(slice.width, row_length(ring, op, r));
+    shortest = std::min(shortest, row_length(ring, op, r));
+    for_each_neighbor(ring, op, r, [&](Index, int32_t row, std::ptrdiff_t) {
+      lowest = std::min(lowest, row);
+      highest = std::max(highest, row);
+    });
+  }
+  slice.lowest = lowest;
+  slice.is_compact = allow_compact && shortest == slice.width && highest - lowest <= 0xFFFF;
+  return slice;
+}
+
+// Lays out the rows, with `weights` aligned with ring.neighbor or nullptr for the umbrella
+// operator.
 void slice_rows(const Adjacency& ring, const std::vector<double>* weights, DiffusionOperator& op) {
   constexpr Index kLanes = DiffusionOperator::kLanes;
   op.num_vertices = ring.num_vertices();
@@ -87,30 +131,31 @@ void slice_rows(const Adjacency& ring, const std::vector<double>* weights, Diffu
 
   const Index num_slices = (op.num_vertices + kLanes - 1) / kLanes;
   const auto dummy = static_cast<int32_t>(num_slices * kLanes);
-  // An isolated vertex is its own neighbour: B f = 0 there.
-  const auto length = [&](Index r) -> Index {
-    return r < op.num_vertices ? std::max(1, ring.valence(op.order[static_cast<size_t>(r)])) : 0;
-  };
-  op.slice_start.assign(static_cast<size_t>(num_slices) + 1, 0);
-  for (Index s = 0; s < num_slices; ++s) {
-    Index width = 0;
-    for (Index lane = 0; lane < kLanes; ++lane) width = std::max(width, length(s * kLanes + lane));
-    op.slice_start[static_cast<size_t>(s) + 1] =
-        op.slice_start[static_cast<size_t>(s)] + width * kLanes;
-  }
-  op.index.assign(static_cast<size_t>(op.slice_start.back()), dummy);
-  if (weights != nullptr) op.weight.assign(op.index.size(), 0.0);
   op.off_diagonal.assign(static_cast<size_t>(dummy), 0.0);
-  for (Index r = 0; r < op.num_vertices; ++r) {
-    const int32_t v = op.order[static_cast<size_t>(r)];
-    auto entry = static_cast<size_t>(op.slice_start[static_cast<size_t>(r / kLanes)] + r % kLanes);
-    op.off_diagonal[static_cast<size_t>(r)] = 1.0 / static_cast<double>(length(r));
-    if (ring.valence(v) == 0) op.index[entry] = static_cast<int32_t>(r);
-    for (const int32_t* j = ring.begin(v); j != ring.end(v);
-         ++j, entry += static_cast<size_t>(kLanes)) {
-      op.index[entry] = op.row_of[static_cast<size_t>(*j)];
-      if (weights != nullptr)
-        op.weight[entry] = (*weights)[static_cast<size_t>(j - ring.neighbor.data())];
+  for (Index s = 0; s < num_slices; ++s) {
+    const Slice slice = examine(ring, op, s, weights == nullptr);
+    const size_t start = slice.is_compact ? op.compact_index.size() : op.index.size();
+    const auto entries = static_cast<size_t>(slice.width * kLanes);
+    op.slice_start.push_back(static_cast<std::int64_t>(start));
+    op.slice_width.push_back(static_cast<int32_t>(slice.width));
+    op.slice_base.push_back(slice.is_compact ? slice.lowest : -1);
+    if (slice.is_compact) {
+      op.compact_index.resize(start + entries);
+    } else {
+      op.index.resize(start + entries, dummy);
+      if (weights != nullptr) op.weight.resize(start + entries, 0.0);
+    }
+    for (Index r = s * kLanes; r < std::min((s + 1) * kLanes, op.num_vertices); ++r) {
+      op.off_diagonal[static_cast<size_t>(r)] = 1.0 / static_cast<double>(row_length(ring, op, r));
+      for_each_neighbor(ring, op, r, [&](Index j, int32_t row, std::ptrdiff_t k) {
+        const size_t entry = start + static_cast<size_t>(j * kLanes + r % kLanes);
+        if (slice.is_compact) {
+          op.compact_index[entry] = static_cast<std::uint16_t>(row - slice.lowest);
+        } else {
+          op.index[entry] = row;
+          if (weights != nullptr && k >= 0) op.weight[entry] = (*weights)[static_cast<size_t>(k)];
+        }
+      });
     }
   }
 }
@@ -135,14 +180,15 @@ double umbrella_bound(const Adjacency& ring, const MeshTopology& topology) {
 Eigen::VectorXd DiffusionOperator::apply(const Eigen::VectorXd& x) const {
   Eigen::VectorXd y(num_vertices);
   for (Index r = 0; r < num_vertices; ++r) {
-    const Index s = r / kLanes;
+    const auto s = static_cast<size_t>(r / kLanes);
     double sum = 0.0;
-    for (std::int64_t e = slice_start[static_cast<size_t>(s)] + r % kLanes;
-         e < slice_start[static_cast<size_t>(s) + 1]; e += kLanes) {
-      const int32_t other = index[static_cast<size_t>(e)];
+    for (Index j = 0; j < slice_width[s]; ++j) {
+      const auto entry = static_cast<size_t>(slice_start[s] + j * kLanes + r % kLanes);
+      const int32_t other =
+          slice_base[s] >= 0 ? slice_base[s] + compact_index[entry] : index[entry];
       if (other >= num_vertices) continue;
       const double value = x[order[static_cast<size_t>(other)]];
-      sum += weight.empty() ? value : weight[static_cast<size_t>(e)] * value;
+      sum += weight.empty() ? value : weight[entry] * value;
     }
     if (weight.empty()) sum *= off_diagonal[static_cast<size_t>(r)];
     const int32_t v = order[static_cast<size_t>(r)];

@@ -23,18 +23,25 @@ struct DiffusionOperator {
   double spectrum_bound = 2.0;  ///< rigorous: no eigenvalue is larger
   Eigen::VectorXd mass;         ///< #V weights of the inner product, > 0
 
-  // Sliced rows. Row r stands for vertex order[r]; entry (j, lane) of slice s is at slice_start[s]
-  // + j * kLanes + lane; missing entries point to the row num_rows_padded(), which is kept at zero.
+  // Sliced rows. Row r stands for vertex order[r]. A slice of eight rows of equal length whose
+  // neighbours lie within 65,536 rows of each other is compact: entry (j, lane) is neighbour row
+  // slice_base + compact_index[slice_start + j * kLanes + lane], two bytes each, and all eight rows
+  // share one off_diagonal. Any other slice has slice_base -1 and 4-byte entries in `index`; its
+  // missing entries point to the row num_rows_padded(), which is kept at zero. The steps of the
+  // recurrence are bound by memory: compact slices move 46 instead of 68 bytes a vertex.
   std::vector<std::int32_t> order;        ///< #V: vertex of each row
   std::vector<std::int32_t> row_of;       ///< #V: row of each vertex
-  std::vector<std::int64_t> slice_start;  ///< #slices + 1
-  std::vector<std::int32_t> index;        ///< neighbour rows
+  std::vector<std::int64_t> slice_start;  ///< #slices: first entry, in compact_index or index
+  std::vector<std::int32_t> slice_width;  ///< #slices: entries of a row
+  std::vector<std::int32_t> slice_base;   ///< #slices: smallest neighbour row, or -1
+  std::vector<std::uint16_t> compact_index;
+  std::vector<std::int32_t> index;  ///< neighbour rows
   std::vector<double>
-      weight;  ///< b_ij aligned with index; empty: all weights of a row are `off_diagonal`
-  std::vector<double> off_diagonal;  ///< rows padded: 1 / valence when weight is empty
+      weight;  ///< b_ij aligned with index (then no slice is compact); empty: umbrella
+  std::vector<double> off_diagonal;  ///< rows padded: 1 / valence
   std::vector<double> diagonal;      ///< rows padded: B_ii; empty: all are 1
 
-  Eigen::Index num_slices() const { return static_cast<Eigen::Index>(slice_start.size()) - 1; }
+  Eigen::Index num_slices() const { return static_cast<Eigen::Index>(slice_start.size()); }
   Eigen::Index num_rows_padded() const { return num_slices() * kLanes; }
 
   /// B x for x in vertex order. For tests and the reference solver.

@@ -16,6 +16,16 @@ using Eigen::Index;
 
 #define DUPIN_INLINE inline __attribute__((always_inline))
 
+// Sums of the neighbours of eight rows. `Entry` is the width of the stored indices.
+template <class T, class Entry>
+DUPIN_INLINE void add_neighbors(const Entry* __restrict entry, std::int32_t width,
+                                const T* __restrict x, T* sum) {
+  constexpr Index kLanes = DiffusionOperator::kLanes;
+  for (std::int32_t j = 0; j < width; ++j, entry += kLanes) {
+    for (Index lane = 0; lane < kLanes; ++lane) sum[lane] += x[entry[lane]];
+  }
+}
+
 template <class T, bool kWeighted>
 DUPIN_INLINE void step_body(const SlicedView<T>& op, const StepFactors<T>& f, Index first,
                             Index last, const T* __restrict x, const T* previous,
@@ -23,23 +33,31 @@ DUPIN_INLINE void step_body(const SlicedView<T>& op, const StepFactors<T>& f, In
   constexpr Index kLanes = DiffusionOperator::kLanes;
   for (Index s = first; s < last; ++s) {
     T sum[static_cast<std::size_t>(kLanes)] = {};
-    const std::int64_t end = op.slice_start[s + 1];
-    for (std::int64_t e = op.slice_start[s]; e < end; e += kLanes) {
-      const std::int32_t* __restrict index = op.index + e;
-      if constexpr (kWeighted) {
-        for (Index lane = 0; lane < kLanes; ++lane)
-          sum[lane] += op.weight[e + lane] * x[index[lane]];
-      } else {
-        for (Index lane = 0; lane < kLanes; ++lane) sum[lane] += x[index[lane]];
-      }
-    }
+    const std::int32_t width = op.slice_width[s];
+    const std::int64_t start = op.slice_start[s];
     const Index row = s * kLanes;
-    for (Index lane = 0; lane < kLanes; ++lane) {
-      const Index r = row + lane;
-      if constexpr (kWeighted) {
+    if constexpr (kWeighted) {
+      for (std::int64_t e = start; e < start + width * kLanes; e += kLanes) {
+        for (Index lane = 0; lane < kLanes; ++lane)
+          sum[lane] += op.weight[e + lane] * x[op.index[e + lane]];
+      }
+      for (Index lane = 0; lane < kLanes; ++lane) {
+        const Index r = row + lane;
         out[r] = f.alpha * sum[lane] + (f.beta0 + f.beta1 * op.diagonal[r]) * x[r] -
                  f.gamma * previous[r];
-      } else {
+      }
+    } else if (op.slice_base[s] >= 0) {
+      add_neighbors<T>(op.compact_index + start, width, x + op.slice_base[s], sum);
+      const T inverse = op.off_diagonal[row];
+      for (Index lane = 0; lane < kLanes; ++lane) {
+        const Index r = row + lane;
+        out[r] =
+            f.alpha * (inverse * sum[lane]) + (f.beta0 + f.beta1) * x[r] - f.gamma * previous[r];
+      }
+    } else {
+      add_neighbors<T>(op.index + start, width, x, sum);
+      for (Index lane = 0; lane < kLanes; ++lane) {
+        const Index r = row + lane;
         out[r] = f.alpha * (op.off_diagonal[r] * sum[lane]) + (f.beta0 + f.beta1) * x[r] -
                  f.gamma * previous[r];
       }

@@ -13,6 +13,9 @@ namespace dupin::detail {
 template <class T>
 struct SlicedView {
   const std::int64_t* slice_start;
+  const std::int32_t* slice_width;
+  const std::int32_t* slice_base;
+  const std::uint16_t* compact_index;
   const std::int32_t* index;
   const T* weight;
   const T* off_diagonal;

@@ -40,6 +40,9 @@ struct OperatorArrays {
 template <class T>
 void set_view(const DiffusionOperator& op, OperatorArrays<T>& arrays) {
   arrays.view.slice_start = op.slice_start.data();
+  arrays.view.slice_width = op.slice_width.data();
+  arrays.view.slice_base = op.slice_base.data();
+  arrays.view.compact_index = op.compact_index.data();
   arrays.view.index = op.index.data();
   if constexpr (std::is_same_v<T, double>) {
     arrays.view.weight = op.weight.empty() ? nullptr : op.weight.data();
