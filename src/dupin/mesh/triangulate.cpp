@@ -224,11 +224,13 @@ class EarClipper {
 // Corners about the centre of their box, largest coordinate in [1/4, 1]; empty without extent.
 Points normalised(const Points& corners, const std::vector<int32_t>& kept) {
   Points points(static_cast<Index>(kept.size()), 3);
+  RowVector3d low = corners.row(kept.front());
+  RowVector3d high = low;
   for (Index i = 0; i < points.rows(); ++i) {
     points.row(i) = corners.row(kept[static_cast<size_t>(i)]);
+    low = low.cwiseMin(points.row(i));
+    high = high.cwiseMax(points.row(i));
   }
-  const RowVector3d low = points.colwise().minCoeff();
-  const RowVector3d high = points.colwise().maxCoeff();
   points.rowwise() -= RowVector3d(0.5 * low + 0.5 * high);
   const double size = points.cwiseAbs().maxCoeff();
   if (!(size > 0.0)) return Points(0, 3);
