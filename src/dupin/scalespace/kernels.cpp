@@ -144,6 +144,12 @@ DUPIN_INLINE void accumulate_any(const T* const* term, Index count, const T* coe
   }
 }
 
+#ifdef __clang__
+#define DUPIN_AVX512 "avx512f,avx512vl,avx512dq"  // knows no preferred width, and needs none
+#else
+#define DUPIN_AVX512 "avx512f,avx512vl,avx512dq,prefer-vector-width=512"
+#endif
+
 // Three builds of each kernel.
 #define DUPIN_VARIANT(suffix, attribute, bytes)                                                 \
   template <class T>                                                                            \
@@ -161,8 +167,7 @@ DUPIN_INLINE void accumulate_any(const T* const* term, Index count, const T* coe
 DUPIN_VARIANT(base, , 16)
 #ifdef DUPIN_X86
 DUPIN_VARIANT(avx2, __attribute__((target("avx2"))), 32)
-DUPIN_VARIANT(avx512, __attribute__((target("avx512f,avx512vl,avx512dq,prefer-vector-width=512"))),
-              64)
+DUPIN_VARIANT(avx512, __attribute__((target(DUPIN_AVX512))), 64)
 
 int instruction_set() {
   static const int level = [] {
