@@ -1,7 +1,7 @@
 #include "dupin/mesh/manifold_cut.h"
 
 #include <algorithm>
-#include <bit>
+#include <cstring>
 #include <numeric>
 #include <utility>
 
@@ -122,7 +122,10 @@ std::vector<int32_t> find_coincident(const Points& points) {
   for (int32_t v = 0; v < num_vertices; ++v) {
     std::uint64_t hash = 0;
     for (Index k = 0; k < 3; ++k) {
-      hash = mix(hash + std::bit_cast<std::uint64_t>(points(v, k) + 0.0));  // -0 + 0 is 0
+      const double place = points(v, k) + 0.0;  // -0 + 0 is 0
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, &place, sizeof bits);  // older libc++ has no std::bit_cast
+      hash = mix(hash + bits);
     }
     order[static_cast<size_t>(v)] = {hash, v};
   }
