@@ -51,15 +51,18 @@ int report_error(const Context& context, Errc errc, const std::string& code,
   return exit_code;
 }
 
+constexpr const char* kUsageHint = "dupin --help, or dupin VERB --help";
+
 int report_error(const Context& context, const Error& error) {
+  const bool needs_hint = error.hint().empty() && error.errc() == Errc::usage;
   return report_error(context, error.errc(), error.code(), error.diagnostic(), error.what(),
-                      error.hint(), error.location());
+                      needs_hint ? kUsageHint : error.hint(), error.location());
 }
 
 int usage_error(const Context& context, const std::string& message) {
   std::string line = message.substr(0, message.find('\n'));
   return report_error(context, Errc::usage, "E_OPTION", "E_OPTION: " + dupin::escaped(line, 400),
-                      line, "dupin --help, or dupin VERB --help", {});
+                      line, kUsageHint, {});
 }
 
 void add_verbs(CLI::App& app, Context& context) {
