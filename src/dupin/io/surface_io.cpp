@@ -21,17 +21,10 @@ struct Parser {
 };
 
 constexpr Parser kParsers[] = {
-    {"ply", detail::parse_ply},
-    {"obj", detail::parse_obj},
-    {"off", detail::parse_off},
-    {"stl", detail::parse_stl},
-    {"wrl", detail::parse_wrl},
-    {"abs", detail::parse_abs},
-    {"bnt", detail::parse_bnt},
-    {"xyz", detail::parse_xyz},
-    {"pts", detail::parse_pts},
-    {"pcd", detail::parse_pcd},
-    {"glb", detail::parse_glb},
+    {"ply", detail::parse_ply}, {"obj", detail::parse_obj}, {"off", detail::parse_off},
+    {"stl", detail::parse_stl}, {"wrl", detail::parse_wrl}, {"abs", detail::parse_abs},
+    {"bnt", detail::parse_bnt}, {"xyz", detail::parse_xyz}, {"pts", detail::parse_pts},
+    {"pcd", detail::parse_pcd}, {"glb", detail::parse_glb},
 };
 
 SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOptions& options,
