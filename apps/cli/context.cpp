@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
 
 namespace dupin::cli {
 
@@ -68,6 +69,7 @@ nlohmann::ordered_json to_json(const WarningList& warnings) {
 }
 
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
+  set_thread_count(context.threads);
   // The watcher draws the bar and keeps --timeout; it never touches the result.
   const bool draw = !context.quiet && isatty(STDERR_FILENO) == 1;
   std::mutex mutex;

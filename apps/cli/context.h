@@ -36,8 +36,8 @@ nlohmann::ordered_json to_json(const WarningList& warnings);
 /// Adds the global options (--json, --quiet, --threads, ...) to a verb.
 void add_global_options(CLI::App& verb, Context& context);
 
-/// Runs `work` with a progress bar on a terminal; throws Error(Errc::interrupted) when it was
-/// cancelled.
+/// Runs `work` on context.threads threads with a progress bar on a terminal; throws
+/// Error(Errc::interrupted) when it was cancelled.
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work);
 
 // One function a verb, in a file of its name. Each adds its subcommand; the callback does the work.

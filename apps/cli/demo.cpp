@@ -215,30 +215,22 @@ std::vector<ReportPicture> loc_pictures(const fs::path& directory, const Subject
 
 ReportPicture keypoint_picture(const fs::path& directory, const Subject& subject,
                                const Analysis& analysis, Context& context) {
-  // A ball as large as the body says little about a place and hides the others.
-  const Eigen::RowVector3d extent =
-      analysis.surface.points.colwise().maxCoeff() - analysis.surface.points.colwise().minCoeff();
-  const double largest = 0.09 * extent.norm();
   Scene scene = plain_scene(analysis, "Keypoints");
-  Eigen::Index num_large = 0;
+  std::vector<SceneSphere> balls;
   for (const Keypoint& keypoint : analysis.keypoints) {
-    if (static_cast<Eigen::Index>(scene.spheres.size()) == kDrawn) break;
-    if (keypoint.radius > largest) {
-      ++num_large;
-      continue;
-    }
-    SceneSphere sphere;
-    sphere.center = analysis.surface.points.row(keypoint.vertex).transpose();
-    sphere.radius = keypoint.radius;
-    sphere.color = keypoint_color(keypoint.kind == KeypointKind::maximum);
-    scene.spheres.push_back(sphere);
+    if (static_cast<Eigen::Index>(balls.size()) == kDrawn) break;
+    SceneSphere ball;
+    ball.center = analysis.surface.points.row(keypoint.vertex).transpose();
+    ball.radius = keypoint.radius;
+    ball.color = keypoint_color(keypoint.kind == KeypointKind::maximum);
+    balls.push_back(ball);
   }
+  const Eigen::Index num_large = add_keypoint_balls(scene, balls);
   return draw(directory, subject, "keypoints", scene,
-              fmt::format("The {} strongest local keypoints of {} in all; each ball has the radius "
-                          "at which the structure was found, blue for bumps and orange for "
-                          "hollows. {} stronger ones, wider than {}, are left out.",
-                          scene.spheres.size(), analysis.keypoints.size(), num_large,
-                          format_number(2.0 * largest, 2)),
+              fmt::format("The {} strongest of {} keypoints: a pin at each place and a ball of the "
+                          "radius of its structure, "
+                          "blue for bumps and orange for hollows. {} wide ones have a pin only.",
+                          balls.size(), analysis.keypoints.size(), num_large),
               context);
 }
 

@@ -35,6 +35,7 @@ struct Settings {
   std::string caption;
   bool no_legend = false;
   std::string background = "white";
+  double largest_ball = 9.0;
 };
 
 std::pair<double, double> parse_pair(const std::string& text, char separator,
@@ -161,7 +162,7 @@ std::vector<ScenePolyline> read_lines(const std::string& path, double width,
 }
 
 // Balls coloured by their signal-to-noise ratio instead of their kind.
-void color_by_snr(Scene& scene, const std::vector<DrawnKeypoint>& keypoints) {
+void color_by_snr(Scene& scene, std::vector<DrawnKeypoint>& keypoints) {
   Eigen::VectorXd snr(static_cast<Eigen::Index>(keypoints.size()));
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     if (!keypoints[i].has_snr) {
@@ -171,15 +172,16 @@ void color_by_snr(Scene& scene, const std::vector<DrawnKeypoint>& keypoints) {
     snr[static_cast<Eigen::Index>(i)] = keypoints[i].snr;
   }
   scene.scale = {ColorMap::sequential, robust_range(snr)};
-  for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    scene.spheres[i].color = scene.scale.color(keypoints[i].snr);
-    scene.spheres[i].opacity = 0.5;
+  for (DrawnKeypoint& keypoint : keypoints) {
+    keypoint.sphere.color = scene.scale.color(keypoint.snr);
+    keypoint.sphere.opacity = 0.5;
   }
   scene.legend.scale_label = "SNR";
   scene.legend.has_color_bar = true;
 }
 
-Scene make_scene(const LoadedSurface& surface, const Settings& settings, Context& context) {
+Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::size_t& num_keypoints,
+                 Context& context) {
   Scene scene;
   scene.surfaces.push_back(to_scene_surface(surface));
   scene.legend.has_scale_bar = true;
@@ -191,9 +193,12 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, Context
                                          context.run.stage(0.1, 0.6)));
   }
   if (!settings.keypoints.empty()) {
-    const auto keypoints = read_keypoints(settings.keypoints, context.read.limits);
-    for (const DrawnKeypoint& keypoint : keypoints) scene.spheres.push_back(keypoint.sphere);
+    auto keypoints = read_keypoints(settings.keypoints, context.read.limits);
     if (settings.color == "snr") color_by_snr(scene, keypoints);
+    std::vector<SceneSphere> balls;
+    for (const DrawnKeypoint& keypoint : keypoints) balls.push_back(keypoint.sphere);
+    add_keypoint_balls(scene, balls, settings.largest_ball / 100.0);
+    num_keypoints = balls.size();
   } else if (settings.color == "snr") {
     throw InvalidArgument("--color snr colours keypoints", "give them with --keypoints KP.json");
   }
@@ -224,26 +229,26 @@ void render(const Settings& settings, Context& context) {
   options.camera = camera_of(settings.view);
   options.camera.perspective = settings.perspective;
   if (settings.background == "transparent") options.background = Background::transparent;
-  set_thread_count(context.threads);
   const auto start = std::chrono::steady_clock::now();
   Scene scene;
   Image image;
+  std::size_t num_keypoints = 0;
   with_progress(context, "render", [&] {
     const LoadedSurface surface = load_surface(settings.mesh, context);
-    scene = make_scene(surface, settings, context);
+    scene = make_scene(surface, settings, num_keypoints, context);
     image = render_surface(scene, options, context.run.stage(0.6, 1.0));
   });
   write_png(settings.output, image);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   context.say(fmt::format("{}: {} vertices, {} faces, {} keypoints, {:.2f} s", settings.output,
                           scene.surfaces[0].points.rows(), scene.surfaces[0].triangles.rows(),
-                          scene.spheres.size(), seconds.count()));
+                          num_keypoints, seconds.count()));
   nlohmann::ordered_json document{{"output", settings.output},
                                   {"width", options.width},
                                   {"height", options.height},
                                   {"vertices", scene.surfaces[0].points.rows()},
                                   {"faces", scene.surfaces[0].triangles.rows()},
-                                  {"keypoints", scene.spheres.size()},
+                                  {"keypoints", num_keypoints},
                                   {"lines", scene.polylines.size()}};
   document["range"] = scene.surfaces[0].scalar.size() > 0
                           ? nlohmann::ordered_json{scene.scale.range.low, scene.scale.range.high}
@@ -273,6 +278,11 @@ void add_render(CLI::App& app, Context& context) {
       ->check(CLI::Range(0, 10'000))
       ->capture_default_str();
   verb->add_option("--keypoints", settings->keypoints, "Output of dupin keypoints --json");
+  verb->add_option("--largest-ball", settings->largest_ball,
+                   "Widest radius drawn as a ball, in percent of the box diagonal; wider ones get "
+                   "a pin only")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
   verb->add_option("--lines", settings->lines, "OBJ file with l lines to draw");
   verb->add_option("--line-width", settings->line_width, "Width of the lines [px]")
       ->check(CLI::Range(0.1, 100.0))

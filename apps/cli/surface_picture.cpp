@@ -1,5 +1,6 @@
 #include "surface_picture.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "dupin/base/error.h"
@@ -71,6 +72,25 @@ void color_by(Scene& scene, const ColorSignal& signal) {
       signal.is_signed ? symmetric_range(signal.values) : robust_range(signal.values);
   scene.legend.scale_label = signal.label;
   scene.legend.has_color_bar = true;
+}
+
+Eigen::Index add_keypoint_balls(Scene& scene, const std::vector<SceneSphere>& keypoints,
+                                double largest) {
+  const Points& points = scene.surfaces.front().points;
+  const double diagonal = (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
+  Eigen::Index left_out = 0;
+  for (const SceneSphere& keypoint : keypoints) {
+    SceneSphere pin = keypoint;
+    pin.radius = std::min(0.005 * diagonal, keypoint.radius);
+    pin.opacity = 1.0;
+    scene.spheres.push_back(pin);
+    if (keypoint.radius > largest * diagonal) {
+      ++left_out;
+    } else {
+      scene.spheres.push_back(keypoint);
+    }
+  }
+  return left_out;
 }
 
 Rgb keypoint_color(bool is_maximum) {

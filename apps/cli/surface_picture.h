@@ -31,6 +31,12 @@ SceneSurface to_scene_surface(const LoadedSurface& surface);
 /// Colours the first surface of `scene` by `signal`, with limits that leave out 2 % of outliers.
 void color_by(Scene& scene, const ColorSignal& signal);
 
+/// Adds keypoints to a scene: for each a small solid pin at its place and, around it, a transparent
+/// ball of its radius. A ball wider than `largest` times the diagonal of the scene's box would hide
+/// the surface and say little about a place: it is left out. Returns how many were.
+Eigen::Index add_keypoint_balls(Scene& scene, const std::vector<SceneSphere>& keypoints,
+                                double largest = 0.09);
+
 /// Colour of a keypoint's ball by its kind.
 Rgb keypoint_color(bool is_maximum);
 
