@@ -1,25 +1,29 @@
-# find_package(dupin) for whoever installs us.
+# find_package(dupin) for whoever installs us: the library, the headers that dupin_module() names as
+# public, and the program.
 include(CMakePackageConfigHelpers)
+set(dupin_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/dupin)
+
 install(TARGETS dupin EXPORT dupinTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/dupin ${PROJECT_BINARY_DIR}/generated/dupin
-  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
-install(EXPORT dupinTargets NAMESPACE dupin:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/dupin)
-file(WRITE ${PROJECT_BINARY_DIR}/dupinConfig.cmake
-"include(CMakeFindDependencyMacro)
-find_dependency(Eigen3 3.4)
-if(${DUPIN_THREADS})
-  find_dependency(TBB)
-endif()
-if(${DUPIN_IO})
-  find_dependency(ZLIB)
-  find_dependency(PNG)
-endif()
-include(\${CMAKE_CURRENT_LIST_DIR}/dupinTargets.cmake)
-")
+install(EXPORT dupinTargets NAMESPACE dupin:: DESTINATION ${dupin_package_dir})
+
+get_property(public_headers GLOBAL PROPERTY DUPIN_PUBLIC_HEADERS)
+foreach(header IN LISTS public_headers)
+  cmake_path(RELATIVE_PATH header BASE_DIRECTORY ${PROJECT_SOURCE_DIR}/src OUTPUT_VARIABLE relative)
+  cmake_path(GET relative PARENT_PATH folder)
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${folder})
+endforeach()
+install(FILES ${PROJECT_BINARY_DIR}/generated/dupin/base/version.h
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/dupin/base)
+
+# A static library passes the libraries of its parts on to the linker of its users.
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/dupinConfig.cmake.in
+  ${PROJECT_BINARY_DIR}/dupinConfig.cmake INSTALL_DESTINATION ${dupin_package_dir}
+  NO_SET_AND_CHECK_MACRO)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/dupinConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/dupinConfig.cmake ${PROJECT_BINARY_DIR}/dupinConfigVersion.cmake
-  DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/dupin)
+  DESTINATION ${dupin_package_dir})
+
 if(TARGET dupin_cli)
   install(TARGETS dupin_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()

@@ -1,0 +1,27 @@
+# cmake -DWAY=find_package|add_subdirectory -DSOURCE=dir -DBUILD=dir -DWORK=dir -DCXX=compiler
+#   -DOPTIONS=a;b -P consumer_test.cmake
+# Configures, builds and runs the programs of a project that uses Dupin in one of two ways.
+function(must)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
+  if(NOT status EQUAL 0)
+    list(JOIN ARGN " " command)
+    message(FATAL_ERROR "${command}\nended with ${status}:\n${out}")
+  endif()
+endfunction()
+
+file(MAKE_DIRECTORY ${WORK})
+set(options -DCMAKE_CXX_COMPILER=${CXX} ${OPTIONS})
+if(WAY STREQUAL "find_package")
+  file(REMOVE_RECURSE ${WORK}/prefix ${WORK}/build)
+  must(${CMAKE_COMMAND} --install ${BUILD} --prefix ${WORK}/prefix)
+  list(APPEND options -DCMAKE_PREFIX_PATH=${WORK}/prefix -DDUPIN_HEADERS=${WORK}/prefix/include)
+else()
+  list(APPEND options -DDUPIN_SOURCE=${SOURCE})
+endif()
+must(${CMAKE_COMMAND} -G Ninja -S ${SOURCE}/tests/consumer/${WAY} -B ${WORK}/build ${options})
+must(${CMAKE_COMMAND} --build ${WORK}/build -j 2)
+must(${CMAKE_COMMAND} -E chdir ${WORK} ${WORK}/build/convert)
+execute_process(COMMAND ${WORK}/build/keypoints RESULT_VARIABLE status OUTPUT_VARIABLE keypoints)
+if(NOT status EQUAL 0 OR NOT keypoints MATCHES "bump")
+  message(FATAL_ERROR "keypoints ended with ${status} and printed:\n${keypoints}")
+endif()

@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+"""Ctrl-C ends a long run at once, with exit status 130 and nothing left behind (G3, G6).
+
+usage: interrupt_test.py DUPIN [SECONDS]     SECONDS: longest wait from signal to exit (0.5)
+"""
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+from program import DUPIN, Law, json, os
+
+ALLOWED = float(sys.argv.pop(1)) if len(sys.argv) > 1 else 0.5
+MILLION = 1_000_000
+
+
+class Interrupt(Law):
+    def interrupted(self, delay, number, *arguments):
+        """Seconds from signal to exit, status and stdout; None if the run was over before."""
+        process = subprocess.Popen([DUPIN, *arguments], cwd=self.folder, stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        try:
+            out, err = process.communicate(timeout=delay)
+            self.assertEqual(process.returncode, 0, err)
+            return None
+        except subprocess.TimeoutExpired:
+            pass
+        start = time.monotonic()
+        process.send_signal(number)
+        out, err = process.communicate(timeout=120)
+        return time.monotonic() - start, process.returncode, out, err
+
+    def test_a_stack_of_a_million_vertices(self):
+        self.synth("big.ply", "--shape", "sphere", "--vertices", str(MILLION))
+        before = sorted(os.listdir(self.folder))
+        waits = []
+        for delay in (0.15, 0.6, 1.5, 3.0, 6.0):
+            number = signal.SIGTERM if delay == 0.6 else signal.SIGINT
+            ended = self.interrupted(delay, number, "scalespace", "big.ply", "-o", "stack.npz",
+                                     "--json")
+            if ended is None:
+                break
+            seconds, status, out, err = ended
+            waits.append((delay, round(seconds, 3)))
+            self.assertEqual(status, 130, err)
+            self.assertEqual(json.loads(out)["error"]["code"], "E_INTERRUPTED")
+            self.assertEqual(sorted(os.listdir(self.folder)), before)
+        print("signal after, exit after [s]:", waits)
+        self.assertGreaterEqual(len(waits), 2, "the run is too short to be interrupted")
+        self.assertLessEqual(max(seconds for _, seconds in waits), ALLOWED, waits)
+
+
+if __name__ == "__main__":
+    unittest.main()
