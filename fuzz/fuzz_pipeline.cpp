@@ -68,7 +68,10 @@ Choice choice_of(Bytes& bytes) {
   }
   choice.stack.filter = (second & 128U) != 0 ? Filter::heat : Filter::implicit;
   const unsigned third = bytes.next();
-  choice.keypoints.measure = static_cast<ScaleMeasure>(third % 4);
+  // The fitted scales integrate over thousands of samples a level, at every call.
+  if (choice.stack.schedule.num_levels < 6) {
+    choice.keypoints.measure = static_cast<ScaleMeasure>(third % 4);
+  }
   choice.keypoints.max_edge_ratio = (third & 4U) != 0 ? 5.0 : 0.0;
   choice.keypoints.min_contrast = (third & 8U) != 0 ? 0.01 : 0.0;
   choice.keypoints.min_level = (third & 16U) != 0 ? 1 : 0;
