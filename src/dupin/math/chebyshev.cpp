@@ -2,6 +2,9 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
+
+#include "dupin/base/error.h"
 
 namespace dupin {
 namespace {
@@ -53,7 +56,7 @@ bool has_converged(const MatrixXd& coefficients) {
   const Index quarter = n / 4;
   for (Index l = 0; l < coefficients.cols(); ++l) {
     const double largest = coefficients.col(l).cwiseAbs().maxCoeff();
-    if (coefficients.col(l).tail(quarter).cwiseAbs().maxCoeff() > 1e-15 * largest) return false;
+    if (coefficients.col(l).tail(quarter).cwiseAbs().maxCoeff() > 1e-14 * largest) return false;
   }
   return true;
 }
@@ -64,7 +67,12 @@ MatrixXd chebyshev_coefficients(const std::function<VectorXd(double)>& functions
                                 Index max_nodes) {
   for (Index nodes = 64;; nodes *= 2) {
     MatrixXd coefficients = cosine_transform(sample(functions, s_max, nodes));
-    if (has_converged(coefficients) || 2 * nodes > max_nodes) return coefficients;
+    if (has_converged(coefficients)) return coefficients;
+    if (2 * nodes > max_nodes) {
+      throw InvalidArgument("the functions need more than " + std::to_string(max_nodes) +
+                                " Chebyshev nodes on [0, " + std::to_string(s_max) + "]",
+                            "smaller time steps, fewer levels, or umbrella weights");
+    }
   }
 }
 

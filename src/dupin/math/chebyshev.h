@@ -9,9 +9,10 @@ namespace dupin {
 /// f_l(s) = sum_k c(k, l) T_k(y) with y = 1 - 2 s / s_max, so that y = 1 is s = 0.
 ///
 /// `functions(s)` returns the values of all functions at s. The number of nodes is doubled from 64
-/// until the last quarter of every column is below 1e-15 of its largest coefficient, or until
-/// `max_nodes` is reached. Returns the coefficients, #terms by #functions. Cost: O(nodes^2
-/// #functions) for the cosine sums; 10 ms for 35 functions of 512 terms.
+/// until the last quarter of every column is below 1e-14 of its largest coefficient, so that what
+/// lies beyond is rounding. Returns the coefficients, #terms by #functions.
+/// @throws InvalidArgument if that is not so with `max_nodes`: a bound from fewer terms would be a
+/// guess Cost: O(nodes^2 #functions) for the cosine sums; 10 ms for 35 functions of 512 terms.
 Eigen::MatrixXd chebyshev_coefficients(const std::function<Eigen::VectorXd(double)>& functions,
                                        double s_max, Eigen::Index max_nodes = 1 << 14);
 

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "dupin/base/error.h"
+
 namespace dupin {
 namespace {
 
@@ -50,6 +52,12 @@ TEST(Chebyshev, AConstantNeedsOneTerm) {
       chebyshev_coefficients([](double) { return VectorXd::Constant(1, 3.0); }, 1.0);
   EXPECT_EQ(truncation_lengths(c, VectorXd::Constant(1, 1e-12))[0], 1);
   EXPECT_NEAR(c(0, 0), 3.0, 1e-14);
+}
+
+// A kink has coefficients that fall like 1/k^2: no tail bound can be given, so none is.
+TEST(Chebyshev, RefusesAFunctionItCannotResolve) {
+  const auto kink = [](double s) { return VectorXd::Constant(1, std::abs(s - 0.4)); };
+  EXPECT_THROW(chebyshev_coefficients(kink, 1.0, 512), InvalidArgument);
 }
 
 }  // namespace
