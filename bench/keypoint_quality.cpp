@@ -12,6 +12,7 @@
 // DIR holds armadillo.off, bunny00.off and refined_elephant.off as Debian's libcgal-demo packs
 // them; a bumpy sphere is built in.
 #include <CLI/CLI.hpp>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,11 +1,11 @@
 #include "dupin/render/camera.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "dupin/base/decimal.h"
 #include "dupin/base/error.h"
 
 namespace dupin {
@@ -26,12 +26,6 @@ void validate(const Camera& camera) {
   if (!(camera.zoom > 0.0 && camera.zoom <= 16.0)) {
     throw InvalidArgument("zoom must be in (0, 16]");
   }
-}
-
-bool parse_number(const char*& at, const char* end, double& value) {
-  const auto [next, error] = std::from_chars(at, end, value);
-  at = next;
-  return error == std::errc() && std::isfinite(value);
 }
 
 }  // namespace
@@ -75,8 +69,8 @@ Camera camera_of(const std::string& name) {
   Camera camera;
   const char* at = name.data();
   const char* end = at + name.size();
-  const bool is_pair = parse_number(at, end, camera.azimuth_deg) && at != end && *at++ == ',' &&
-                       parse_number(at, end, camera.elevation_deg) && at == end;
+  const bool is_pair = parse_decimal(at, end, camera.azimuth_deg) && at != end && *at++ == ',' &&
+                       parse_decimal(at, end, camera.elevation_deg) && at == end;
   if (!is_pair) {
     throw InvalidArgument(
         "view is \"" + escaped(name, 40) +

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 
+#include "dupin/base/decimal.h"
 #include "dupin/base/error.h"
 
 namespace dupin {
@@ -16,16 +16,13 @@ const char* const kMinus = "\u2212";
 double ten_to(int exponent) {
   const std::string text = "1e" + std::to_string(exponent);
   double value = 0.0;
-  std::from_chars(text.data(), text.data() + text.size(), value);
+  const char* at = text.data();
+  parse_decimal(at, at + text.size(), value);
   return value;
 }
 
 std::string fixed(double value, int decimals) {
-  std::array<char, 64> buffer{};
-  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(),
-                                          std::abs(value), std::chars_format::fixed, decimals);
-  if (error != std::errc()) return "?";
-  std::string digits(buffer.data(), end);
+  const std::string digits = fixed_decimal(std::abs(value), decimals);
   const bool is_zero = digits.find_first_not_of("0.") == std::string::npos;
   return value < 0.0 && !is_zero ? kMinus + digits : digits;
 }

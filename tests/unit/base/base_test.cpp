@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include "dupin/base/decimal.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
@@ -108,6 +110,19 @@ TEST(Error, DiagnosticNamesPlaceAndCode) {
   EXPECT_EQ(at_line.diagnostic(), "a.obj:7: E_SYNTAX: word");
   const IoError at_byte(Errc::malformed, "E_TRUNCATED", "cut", {"b\n.ply", 0, 500});
   EXPECT_EQ(at_byte.diagnostic(), "b\\x0a.ply@0x1f4: E_TRUNCATED: cut");
+}
+
+TEST(Decimal, ParsesWhatStandsThereAndMovesOn) {
+  const std::string text = "-12.5,30";
+  const char* at = text.data();
+  const char* end = at + text.size();
+  double value = 0.0;
+  ASSERT_TRUE(parse_decimal(at, end, value));
+  EXPECT_EQ(value, -12.5);
+  EXPECT_EQ(*at, ',');
+  EXPECT_FALSE(parse_decimal(at, end, value));
+  EXPECT_EQ(fixed_decimal(2.0 / 3.0, 3), "0.667");
+  EXPECT_EQ(fixed_decimal(-1e20, 0), "-100000000000000000000");
 }
 
 TEST(WarningList, CountsOneEntryACode) {
