@@ -96,7 +96,7 @@ constexpr FileSubject kFiles[] = {
     {"bunny", "Bunny", "From the Stanford 3D Scanning Repository.", "0,10"},
     {"bunny00", "Bunny", "From the Stanford 3D Scanning Repository, as it comes with CGAL.",
      "0,10"},
-    {"elephant", "Elephant", "A coarse model of CGAL: few vertices, large triangles.", "35,15"},
+    {"elephant", "Elephant", "From CGAL's example data: uneven triangles.", "35,15"},
     {"mannequin-devil", "Mannequin", "A model of CGAL with two sharp horns.", "iso"},
 };
 

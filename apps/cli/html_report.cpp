@@ -32,7 +32,7 @@ p { max-width: 42rem; margin: 0.6rem 0 1rem; }
 nav { margin: 2rem 0 0; font-size: 0.95rem; }
 nav a { color: var(--accent); text-decoration: none; margin-right: 1.4rem; white-space: nowrap; }
 nav a:hover { text-decoration: underline; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(310px, 1fr)); gap: 1.2rem;
+.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(26rem, 1fr)); gap: 1.2rem;
   margin: 1.2rem 0; }
 figure { margin: 0; background: var(--card); border: 1px solid var(--line); border-radius: 10px;
   overflow: hidden; }
