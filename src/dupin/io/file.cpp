@@ -66,7 +66,7 @@ void require_size(const std::string& path, std::int64_t size, const ReadLimits& 
     throw IoError(
         Errc::over_limit, "E_TOO_LARGE",
         std::to_string(size) + " bytes, the limit is " + std::to_string(limits.max_file_bytes),
-        {path, 0, -1}, "raise it with --max-file");
+        {path, 0, -1}, "raise it with --max-file-bytes");
   }
 }
 

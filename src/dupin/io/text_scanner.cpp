@@ -92,7 +92,7 @@ bool TextScanner::take_line_end() {
     fail(Errc::over_limit, "E_LINE_TOO_LONG",
          "a line of " + std::to_string(cursor_ - line_start_) + " bytes, the limit is " +
              std::to_string(max_line_bytes_),
-         "raise it with --max-line");
+         "raise it with --max-line-bytes");
   }
   const char* next = cursor_ + 1;
   if (*cursor_ == '\r' && next != last_ && *next == '\n') ++next;
