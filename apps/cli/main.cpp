@@ -66,33 +66,15 @@ int usage_error(const Context& context, const std::string& message) {
 }
 
 void add_verbs(CLI::App& app, Context& context) {
-#ifdef DUPIN_VERB_CHECK
   dupin::cli::add_check(app, context);
-#endif
-#ifdef DUPIN_VERB_CURVATURE
   dupin::cli::add_curvature(app, context);
-#endif
-#ifdef DUPIN_VERB_SCALESPACE
   dupin::cli::add_scalespace(app, context);
-#endif
-#ifdef DUPIN_VERB_KEYPOINTS
   dupin::cli::add_keypoints(app, context);
-#endif
-#ifdef DUPIN_VERB_RENDER
   dupin::cli::add_render(app, context);
-#endif
-#ifdef DUPIN_VERB_SYNTH
   dupin::cli::add_synth(app, context);
-#endif
-#ifdef DUPIN_VERB_DEMO
   dupin::cli::add_demo(app, context);
-#endif
-#ifdef DUPIN_VERB_COMPLETION
   dupin::cli::add_completion(app, context);
-#endif
-#ifdef DUPIN_VERB_VERSION
   dupin::cli::add_version(app, context);
-#endif
 }
 
 int run(int argc, char** argv) {

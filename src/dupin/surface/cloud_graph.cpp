@@ -130,6 +130,13 @@ CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& o
                             std::to_string(options.neighbors) + " are needed",
                         "fewer neighbours: --neighbors K");
   }
+  // Squared distances of larger coordinates overflow.
+  for (Index i = 0; i < cloud.points.size(); ++i) {
+    if (std::abs(cloud.points.data()[i]) > 1e150) {
+      throw AnalysisError("E_RANGE", "a coordinate of the cloud is beyond 1e150",
+                          "scale the points first, as the program does");
+    }
+  }
   CloudGraph graph;
   const int wanted = std::max(options.neighbors, options.normal_neighbors) + 1;
   const int k = static_cast<int>(std::min<Index>(wanted, num_points));

@@ -31,8 +31,8 @@ struct CloudGraph {
 /// tree of 1 - |n_i . n_j| (Hoppe et al., "Surface reconstruction from unorganized points",
 /// SIGGRAPH 1992), started outward at the point of each component that is farthest along +z.
 /// @throws InvalidArgument if an option is out of range, a coordinate is not finite
-/// @throws AnalysisError E_TOO_FEW_POINTS if there are not more than `neighbors` points
-/// Cost: O(V k log V).
+/// @throws AnalysisError E_RANGE if a coordinate is beyond 1e150; E_TOO_FEW_POINTS if there are not
+/// more than `neighbors` points Cost: O(V k log V).
 CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& options = {},
                              RunControl run = {});
 

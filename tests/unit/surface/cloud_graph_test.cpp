@@ -90,6 +90,18 @@ TEST(CloudGraph, FindsTheRimOfAPlane) {
   EXPECT_GT(inside, 300);
 }
 
+// Found by fuzz_pipeline: the scatter of points at 1e300 is infinite, and the eigenproblem threw
+// from a worker.
+TEST(CloudGraph, RefusesCoordinatesWhoseSquaresOverflow) {
+  const Points points = 1e300 * random_points(20, 4);
+  try {
+    build_cloud_graph({points, {}});
+    FAIL();
+  } catch (const AnalysisError& error) {
+    EXPECT_EQ(error.code(), "E_RANGE");
+  }
+}
+
 TEST(CloudGraph, RefusesTooFewPoints) {
   try {
     build_cloud_graph({random_points(8, 1), {}});
