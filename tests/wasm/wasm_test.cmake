@@ -22,7 +22,8 @@ must(${emcc_folder}/emcmake ${CMAKE_COMMAND} -G Ninja -S ${SOURCE} -B ${WORK}/bu
   -DCMAKE_BUILD_TYPE=Release -DDUPIN_IO=OFF -DDUPIN_THREADS=OFF -DDUPIN_APPS=OFF
   -DEigen3_DIR=${Eigen3_DIR} -Dnanoflann_DIR=${WORK}/nanoflann)
 must(${CMAKE_COMMAND} --build ${WORK}/build -j 2)
-# -O1: from -O2 on em++ also wants the JavaScript package acorn.
-must(${EMCC} -O1 -std=c++20 -fexceptions -s ALLOW_MEMORY_GROWTH=1 -I${SOURCE}/src -isystem ${Eigen3_DIR}/../../../include/eigen3
+# -O1: from -O2 on em++ also wants the JavaScript package acorn. Compiled while loading: em++ 3.1 otherwise
+# fetches the .wasm file by its path, which node refuses from version 18 on.
+must(${EMCC} -O1 -std=c++20 -fexceptions -s ALLOW_MEMORY_GROWTH=1 -s WASM_ASYNC_COMPILATION=0 -I${SOURCE}/src -isystem ${Eigen3_DIR}/../../../include/eigen3
   ${SOURCE}/tests/consumer/keypoints.cpp ${WORK}/build/src/dupin/libdupin.a -o ${WORK}/keypoints.js)
 must(${Python3} ${SOURCE}/tests/wasm/same_keypoints.py ${NATIVE} ${NODE} ${WORK}/keypoints.js)
