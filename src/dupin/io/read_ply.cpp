@@ -1,99 +1,10 @@
 #include <bit>
 
 #include "dupin/io/byte_loads.h"
-#include "dupin/io/formats.h"
-#include "dupin/io/ply_header.h"
-#include "dupin/io/reader_tools.h"
-#include "dupin/io/text_scanner.h"
+#include "dupin/io/ply_body.h"
 
 namespace dupin::detail {
 namespace {
-
-constexpr std::int64_t kRunStride = 1 << 16;  // elements between two looks at the run
-constexpr std::size_t kNumSlots = 6;          // x y z nx ny nz
-
-// What the reader takes from one property of a vertex or face.
-struct Role {
-  PlyProperty property;
-  bool is_list = false;
-  bool is_index_list = false;
-  int slot = -1;            // vertex: 0..5
-  std::int64_t offset = 0;  // in a record without lists [bytes]
-};
-
-// What both bodies share: the sizes, the places to write to, and the faults.
-class PlyBody {
- public:
-  PlyBody(ByteSpan bytes, const std::string& name, const ReadOptions& options,
-          const RunControl& run, PlyHeader header)
-      : bytes_(bytes), name_(name), options_(options), run_(run), header_(std::move(header)) {
-    prepare();
-  }
-
-  SurfaceFile read() {
-    if (header_.encoding == PlyEncoding::ascii) {
-      read_ascii();
-    } else if ((header_.encoding == PlyEncoding::little_endian) ==
-               (std::endian::native == std::endian::little)) {
-      read_binary<false>();
-    } else {
-      read_binary<true>();
-    }
-    file_.format = "ply";
-    file_.is_binary = header_.encoding != PlyEncoding::ascii;
-    faces_.move_to(file_.mesh);
-    return std::move(file_);
-  }
-
- private:
-  void prepare();
-  std::vector<Role> roles_of(const PlyElement& element) const;
-  void check_vertex_properties(const PlyElement& element) const;
-  void allocate(const PlyElement& element, std::int64_t least_bytes, std::int64_t bytes_left,
-                const Location& location);
-  void store(std::int64_t vertex, const double (&values)[kNumSlots]);
-
-  void read_ascii();
-  void read_ascii_vertices(TextScanner& scanner, const PlyElement& element);
-  void read_ascii_faces(TextScanner& scanner, const PlyElement& element);
-  void skip_ascii(TextScanner& scanner, const PlyElement& element);
-  void next_ascii(TextScanner& scanner, std::int64_t index);
-  std::int64_t ascii_list_count(TextScanner& scanner, std::int64_t bytes_each);
-
-  template <bool kSwap>
-  void read_binary();
-  template <bool kSwap, class T>
-  void read_packed_vertices(const PlyElement& element, const std::vector<Role>& roles);
-  template <bool kSwap>
-  void read_binary_vertices(const PlyElement& element);
-  template <bool kSwap>
-  void read_packed_triangles(const PlyElement& element);
-  template <bool kSwap>
-  void read_binary_faces(const PlyElement& element);
-  template <bool kSwap>
-  void skip_binary(const PlyElement& element);
-  template <bool kSwap>
-  std::int64_t binary_list_count(const PlyProperty& property, const PlyElement& element,
-                                 std::int64_t index);
-
-  std::int64_t left() const { return static_cast<std::int64_t>(bytes_.size() - at_); }
-  Location here() const { return {name_, 0, static_cast<std::int64_t>(at_)}; }
-  void need(std::int64_t count, const PlyElement& element, std::int64_t index) const {
-    if (left() < count) fail_truncated(element, index);
-  }
-  [[noreturn]] void fail_truncated(const PlyElement& element, std::int64_t index) const;
-
-  ByteSpan bytes_;
-  const std::string& name_;
-  const ReadOptions& options_;
-  const RunControl& run_;
-  PlyHeader header_;
-  SurfaceFile file_;
-  FaceList faces_;
-  std::size_t at_ = 0;
-  std::int64_t num_vertices_ = 0;
-  bool has_normals_ = false;
-};
 
 template <bool kSwap>
 double load_scalar(PlyType type, const std::uint8_t* at) {
@@ -141,6 +52,8 @@ bool is_index_list(const PlyProperty& property) {
   return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index");
 }
 
+}  // namespace
+
 void PlyBody::prepare() {
   at_ = header_.body;
   if (header_.has_bom) {
@@ -183,13 +96,13 @@ void PlyBody::check_vertex_properties(const PlyElement& element) const {
   }
 }
 
-std::vector<Role> PlyBody::roles_of(const PlyElement& element) const {
-  std::vector<Role> roles;
+std::vector<PlyRole> PlyBody::roles_of(const PlyElement& element) const {
+  std::vector<PlyRole> roles;
   std::int64_t offset = 0;
   for (const PlyProperty& property : element.properties) {
-    Role role{property, property.is_list, is_index_list(property), -1, offset};
-    constexpr const char* kNames[kNumSlots] = {"x", "y", "z", "nx", "ny", "nz"};
-    for (std::size_t slot = 0; slot < (has_normals_ ? kNumSlots : 3); ++slot) {
+    PlyRole role{property, property.is_list, is_index_list(property), -1, offset};
+    constexpr const char* kNames[kPlySlots] = {"x", "y", "z", "nx", "ny", "nz"};
+    for (std::size_t slot = 0; slot < (has_normals_ ? kPlySlots : 3); ++slot) {
       if (property.name == kNames[slot]) role.slot = static_cast<int>(slot);
     }
     offset += size_of(property.type);
@@ -229,15 +142,12 @@ void PlyBody::allocate(const PlyElement& element, std::int64_t least_bytes, std:
   }
 }
 
-void PlyBody::store(std::int64_t vertex, const double (&values)[kNumSlots]) {
-  double* const point = file_.mesh.points.data() + 3 * vertex;
-  std::copy(values, values + 3, point);
-  if (!has_normals_) return;
-  double* const normal = file_.mesh.normals.data() + 3 * vertex;
-  if (is_finite(values[3], values[4], values[5])) {
-    std::copy(values + 3, values + 6, normal);
+void PlyBody::store_normal(std::int64_t vertex, const double* normal) {
+  double* const out = file_.mesh.normals.data() + 3 * vertex;
+  if (is_finite(normal[0], normal[1], normal[2])) {
+    std::copy(normal, normal + 3, out);
   } else {
-    std::fill(normal, normal + 3, 0.0);
+    std::fill(out, out + 3, 0.0);
     file_.warnings.add("W_ATTR_NONFINITE", "vertex " + std::to_string(vertex),
                        "normals that are not finite were set to zero");
   }
@@ -248,138 +158,6 @@ void PlyBody::fail_truncated(const PlyElement& element, std::int64_t index) cons
                 "the file ends within " + escaped(element.name, 40) + " " + std::to_string(index) +
                     " of " + std::to_string(element.count),
                 {name_, 0, static_cast<std::int64_t>(bytes_.size())});
-}
-
-// ---------------------------------------------------------------- text
-
-void PlyBody::next_ascii(TextScanner& scanner, std::int64_t index) {
-  scanner.element.index = index;
-  if (!scanner.next_line()) {
-    scanner.fail(Errc::malformed, "E_TRUNCATED", "the file ends too early");
-  }
-  if (index % kRunStride == 0) {
-    check_run(run_, scanner.byte(), static_cast<std::int64_t>(bytes_.size()));
-  }
-}
-
-std::int64_t PlyBody::ascii_list_count(TextScanner& scanner, std::int64_t bytes_each) {
-  const std::int64_t count = scanner.index("the size of a list");
-  if (count < 0) {
-    scanner.fail(Errc::malformed, "E_LIST_COUNT", "a list of " + std::to_string(count));
-  }
-  if (count > options_.limits.max_polygon && count > scanner.bytes_left() / bytes_each) {
-    scanner.fail(Errc::over_limit, "E_COUNT_EXCEEDS_FILE",
-                 "a list claims " + std::to_string(count) + " values");
-  }
-  return count;
-}
-
-void PlyBody::read_ascii() {
-  TextScanner scanner(bytes_.subspan(at_), name_, options_.limits, {}, header_.first_line,
-                      static_cast<std::int64_t>(at_));
-  for (const PlyElement& element : header_.elements) {
-    allocate(element, element.least_ascii_bytes(), scanner.bytes_left(), {name_, element.line, -1});
-    scanner.element = {element.name.c_str(), 0, element.count};
-    if (element.name == "vertex") {
-      read_ascii_vertices(scanner, element);
-    } else if (element.name == "face") {
-      read_ascii_faces(scanner, element);
-    } else {
-      skip_ascii(scanner, element);
-    }
-  }
-  scanner.element = {};
-  if (scanner.next_line()) {
-    file_.warnings.add("W_TRAILING_DATA", "line " + std::to_string(scanner.line()),
-                       "text after the last element was ignored");
-  } else if (scanner.is_unterminated() && !header_.elements.empty()) {
-    file_.warnings.add("W_TRUNCATED_END", "line " + std::to_string(scanner.line()),
-                       "the last line has no line end; its last number may be cut");
-  }
-}
-
-void PlyBody::read_ascii_vertices(TextScanner& scanner, const PlyElement& element) {
-  const std::vector<Role> roles = roles_of(element);
-  const bool starts_with_place =
-      roles.size() >= 3 && roles[0].slot == 0 && roles[1].slot == 1 && roles[2].slot == 2;
-  for (std::int64_t vertex = 0; vertex < element.count; ++vertex) {
-    next_ascii(scanner, vertex);
-    double values[kNumSlots] = {};
-    std::size_t next_role = 0;
-    if (starts_with_place) {
-      scanner.numbers(values, 3, "a number");
-      next_role = 3;
-    }
-    for (; next_role < roles.size(); ++next_role) {
-      const Role& role = roles[next_role];
-      if (role.is_list) {
-        for (std::int64_t n = ascii_list_count(scanner, 2); n > 0; --n) scanner.number("a value");
-        continue;
-      }
-      const double value = scanner.number("a number");
-      if (role.slot >= 0) values[role.slot] = value;
-    }
-    scanner.expect_line_end();
-    if (!is_finite(values[0], values[1], values[2]) && !options_.drop_nonfinite) {
-      fail_nonfinite(vertex, {name_, scanner.line(), -1});
-    }
-    store(vertex, values);
-  }
-}
-
-void PlyBody::read_ascii_faces(TextScanner& scanner, const PlyElement& element) {
-  const std::vector<Role> roles = roles_of(element);
-  for (std::int64_t face = 0; face < element.count; ++face) {
-    next_ascii(scanner, face);
-    for (const Role& role : roles) {
-      if (!role.is_list) {
-        scanner.number("a number");
-        continue;
-      }
-      std::int64_t count = ascii_list_count(scanner, 2);
-      if (!role.is_index_list) {
-        for (; count > 0; --count) scanner.number("a value");
-        continue;
-      }
-      if (count > options_.limits.max_polygon) {
-        fail_polygon(face, count, options_.limits, {name_, scanner.line(), -1});
-      }
-      if (count == 3) {
-        std::int64_t corners[3];
-        scanner.indices(corners, 3, "a vertex index");
-        const auto most = static_cast<std::uint64_t>(num_vertices_);
-        for (const std::int64_t vertex : corners) {
-          if (static_cast<std::uint64_t>(vertex) >= most) {
-            fail_index(face, vertex, num_vertices_, {name_, scanner.line(), -1});
-          }
-        }
-        faces_.add_triangle(static_cast<std::int32_t>(corners[0]),
-                            static_cast<std::int32_t>(corners[1]),
-                            static_cast<std::int32_t>(corners[2]));
-        continue;
-      }
-      for (; count > 0; --count) {
-        const std::int64_t vertex = scanner.index("a vertex index");
-        if (vertex < 0 || vertex >= num_vertices_) {
-          fail_index(face, vertex, num_vertices_, {name_, scanner.line(), -1});
-        }
-        faces_.add_index(static_cast<std::int32_t>(vertex));
-      }
-      faces_.end_face();
-    }
-    scanner.expect_line_end();
-  }
-}
-
-void PlyBody::skip_ascii(TextScanner& scanner, const PlyElement& element) {
-  for (std::int64_t index = 0; index < element.count; ++index) {
-    next_ascii(scanner, index);
-    for (const PlyProperty& property : element.properties) {
-      std::int64_t count = property.is_list ? ascii_list_count(scanner, 2) : 1;
-      for (; count > 0; --count) scanner.number("a value");
-    }
-    scanner.expect_line_end();
-  }
 }
 
 // ---------------------------------------------------------------- binary
@@ -424,15 +202,15 @@ std::int64_t PlyBody::binary_list_count(const PlyProperty& property, const PlyEl
 
 // Vertices that are nothing but x y z of one type, the layout of nearly every file.
 template <bool kSwap, class T>
-void PlyBody::read_packed_vertices(const PlyElement& element, const std::vector<Role>& roles) {
+void PlyBody::read_packed_vertices(const PlyElement& element, const std::vector<PlyRole>& roles) {
   constexpr std::int64_t kSize = static_cast<std::int64_t>(sizeof(T));
   const std::int64_t stride = element.least_binary_bytes();
   const std::int64_t x_offset = roles[0].offset;
   const std::uint8_t* record = bytes_.data() + at_ + x_offset;
   double* out = file_.mesh.points.data();
-  for (std::int64_t start = 0; start < element.count; start += kRunStride) {
+  for (std::int64_t start = 0; start < element.count; start += kPlyRunStride) {
     check_run(run_, record - bytes_.data(), static_cast<std::int64_t>(bytes_.size()));
-    const std::int64_t end = std::min(element.count, start + kRunStride);
+    const std::int64_t end = std::min(element.count, start + kPlyRunStride);
     bool all_finite = true;
     for (std::int64_t vertex = start; vertex < end; ++vertex, record += stride, out += 3) {
       for (std::int64_t axis = 0; axis < 3; ++axis) {
@@ -455,7 +233,7 @@ void PlyBody::read_packed_vertices(const PlyElement& element, const std::vector<
 
 template <bool kSwap>
 void PlyBody::read_binary_vertices(const PlyElement& element) {
-  const std::vector<Role> roles = roles_of(element);
+  const std::vector<PlyRole> roles = roles_of(element);
   const std::int64_t stride = element.least_binary_bytes();
   if (!element.has_lists() && element.count > 0) {
     if (left() / stride < element.count) fail_truncated(element, left() / stride);
@@ -471,12 +249,12 @@ void PlyBody::read_binary_vertices(const PlyElement& element) {
     }
   }
   for (std::int64_t vertex = 0; vertex < element.count; ++vertex) {
-    if (vertex % kRunStride == 0) {
+    if (vertex % kPlyRunStride == 0) {
       check_run(run_, static_cast<std::int64_t>(at_), static_cast<std::int64_t>(bytes_.size()));
     }
-    double values[kNumSlots] = {};
+    double values[kPlySlots] = {};
     const std::int64_t start = static_cast<std::int64_t>(at_);
-    for (const Role& role : roles) {
+    for (const PlyRole& role : roles) {
       if (role.is_list) {
         const std::int64_t count = binary_list_count<kSwap>(role.property, element, vertex);
         at_ += static_cast<std::size_t>(count * size_of(role.property.type));
@@ -506,7 +284,7 @@ void PlyBody::read_packed_triangles(const PlyElement& element) {
   while (faces_.num_faces() < most) {
     const std::int64_t start = faces_.num_faces();
     check_run(run_, record - bytes_.data(), static_cast<std::int64_t>(bytes_.size()));
-    const std::int64_t count = std::min(most - start, kRunStride);
+    const std::int64_t count = std::min(most - start, kPlyRunStride);
     std::int32_t* const out = faces_.triangles(count);
     std::int64_t done = 0;
     for (; done < count && record[0] == 3; ++done, record += kBytes) {
@@ -532,12 +310,12 @@ void PlyBody::read_binary_faces(const PlyElement& element) {
       size_of(only->type) == 4) {
     read_packed_triangles<kSwap>(element);
   }
-  const std::vector<Role> roles = roles_of(element);
+  const std::vector<PlyRole> roles = roles_of(element);
   for (std::int64_t face = faces_.num_faces(); face < element.count; ++face) {
-    if (face % kRunStride == 0) {
+    if (face % kPlyRunStride == 0) {
       check_run(run_, static_cast<std::int64_t>(at_), static_cast<std::int64_t>(bytes_.size()));
     }
-    for (const Role& role : roles) {
+    for (const PlyRole& role : roles) {
       const PlyProperty& property = role.property;
       const std::int64_t size = size_of(property.type);
       if (!role.is_list) {
@@ -589,7 +367,20 @@ void PlyBody::skip_binary(const PlyElement& element) {
   }
 }
 
-}  // namespace
+SurfaceFile PlyBody::read() {
+  if (header_.encoding == PlyEncoding::ascii) {
+    read_ascii();
+  } else if ((header_.encoding == PlyEncoding::little_endian) ==
+             (std::endian::native == std::endian::little)) {
+    read_binary<false>();
+  } else {
+    read_binary<true>();
+  }
+  file_.format = "ply";
+  file_.is_binary = header_.encoding != PlyEncoding::ascii;
+  faces_.move_to(file_.mesh);
+  return std::move(file_);
+}
 
 SurfaceFile parse_ply(ByteSpan bytes, const std::string& name, const ReadOptions& options,
                       const RunControl& run) {

@@ -103,6 +103,7 @@ class FaceList {
     num_faces_ += count;
   }
   std::int64_t num_faces() const { return num_faces_; }
+  bool has_only_triangles() const { return !has_offsets_; }
   /// Vertices of the open face.
   std::int64_t open_size() const { return size_ - closed_size(); }
   std::int32_t* open_face() { return index_.data() + closed_size(); }

@@ -87,6 +87,11 @@ class TextScanner {
   /// number() and index() `count` times, faster: the cursor stays in a register.
   void numbers(double* out, int count, const char* what);
   void indices(std::int64_t* out, int count, const char* what);
+  /// Takes the next lines for as long as they are plainly "3 A B C", at most `count` of them, A to
+  /// C below `num_vertices`; the first line that is anything else is left to next_line().
+  /// @param out room for 3 `count` indices
+  /// @returns the lines taken; 0 on processors without SSE2
+  std::int64_t triangle_lines(std::int32_t* out, std::int64_t count, std::int64_t num_vertices);
   /// A whole number; E_NUMBER_RANGE beyond 64 bits, E_SYNTAX for a fraction.
   std::int64_t integer(const char* what);
   /// A whole number that is to be checked against a range: beyond 64 bits it is the nearest limit.
@@ -158,6 +163,17 @@ class TextScanner {
 inline unsigned digit_of(char c) { return static_cast<unsigned>(c) - unsigned{'0'}; }
 inline bool is_digit(char c) { return digit_of(c) < 10U; }
 
+/// The value of the `length` (1 to 8) decimal digits that start the eight bytes `digits`, of which
+/// the digits' high bits have been taken away. Little endian.
+inline std::uint64_t value_of_digits(std::uint64_t digits, int length) {
+  // The digits to the top, zeros before them; then pairs, fours and eights.
+  digits <<= static_cast<unsigned>(64 - 8 * length);
+  digits = digits * 10U + (digits >> 8U);
+  return ((digits & 0x000000FF000000FFU) * 0x000F424000000064U +
+          ((digits >> 16U) & 0x000000FF000000FFU) * 0x0000271000000001U) >>
+         32U;
+}
+
 /// Takes the decimal digits at `p` into `value` (modulo 2^64), eight at a time and without a branch
 /// a digit: the length of a number is what a processor cannot predict.
 inline void take_digits(const char*& p, const char* last, std::uint64_t& value) {
@@ -171,13 +187,7 @@ inline void take_digits(const char*& p, const char* last, std::uint64_t& value) 
       const std::uint64_t others = ((digits + 0x7676767676767676U) | digits) & 0x8080808080808080U;
       const int length = others == 0 ? 8 : std::countr_zero(others) / 8;
       if (length == 0) return;
-      // The digits to the top, zeros before them; then pairs, fours and eights.
-      digits <<= static_cast<unsigned>(64 - 8 * length);
-      digits = digits * 10U + (digits >> 8U);
-      digits = ((digits & 0x000000FF000000FFU) * 0x000F424000000064U +
-                ((digits >> 16U) & 0x000000FF000000FFU) * 0x0000271000000001U) >>
-               32U;
-      value = value * kPowers[length] + digits;
+      value = value * kPowers[length] + value_of_digits(digits, length);
       p += length;
       if (length < 8) return;
     }

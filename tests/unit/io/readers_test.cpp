@@ -94,6 +94,47 @@ TEST(Ply, ChecksEveryCorner) {
   }
 }
 
+// Plain lines of triangles are read many at a time; one odd line among them, of any kind and in any
+// place, must be read or refused exactly as when every line is odd (two blanks between numbers).
+TEST(Ply, OneOddLineAmongManyPlainOnesReadsAsAlways) {
+  constexpr int kVertices = 1'000;
+  constexpr int kLines = 40;
+  const std::vector<std::string> odd = {
+      "3  1 2 3",  "3\t1 2 3",        " 3 1 2 3",  "3 1 2 3 ",        "4 1 2 3 4",
+      "3 1 2 3\r", "3 000000001 2 3", "3 +1 2 3",  "\n3 1 2 3",       "3 1 2 1000",
+      "3 1 2 -1",  "3 1 2",           "3 1 2 3 4", "3 1 2 3x",        "3 1 2.5 3",
+      "3x1 2 3",   "33 1 2 3",        "2 1 2",     "3 1 2 999999999", "3 1 2 4294967297"};
+  const auto outcome = [&](int place, const std::string& line, const char* blank) {
+    std::string text = "ply\nformat ascii 1.0\nelement vertex " + std::to_string(kVertices) +
+                       "\nproperty float x\nproperty float y\nproperty float z\nelement face " +
+                       std::to_string(kLines) +
+                       "\nproperty list uchar int vertex_indices\nend_header\n";
+    for (int v = 0; v < kVertices; ++v) text += std::to_string(v) + " 0 1\n";
+    for (int face = 0; face < kLines; ++face) {
+      const int corner = 7 * face * face % (kVertices - 2);
+      text += face == place ? line
+                            : std::string("3") + blank + std::to_string(corner) + blank +
+                                  std::to_string(corner + 1) + blank + std::to_string(corner + 2);
+      text += "\n";
+    }
+    std::string said;
+    try {
+      const SurfaceFile file = parse(text, "a.ply");
+      for (const std::int32_t vertex : file.mesh.face_index) said += std::to_string(vertex) + " ";
+      for (const std::int32_t start : file.mesh.face_offset) said += std::to_string(start) + ",";
+    } catch (const IoError& error) {
+      said = error.code() + std::string(" line ") + std::to_string(error.location().line);
+    }
+    return said;
+  };
+  for (const std::string& line : odd) {
+    for (const int place : {0, 1, 20, kLines - 1}) {
+      SCOPED_TRACE(line + " as face " + std::to_string(place));
+      EXPECT_EQ(outcome(place, line, " "), outcome(place, line, "  "));
+    }
+  }
+}
+
 TEST(Ply, KeepsNormalsAndZeroesThoseThatAreNotFinite) {
   const std::string text =
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float nx\nproperty float ny\nproperty "
