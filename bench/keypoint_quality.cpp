@@ -439,7 +439,7 @@ Surface read(const std::string& path) {
 
 Surface bumpy_sphere() {
   return make_surface("bumpy sphere",
-                      dupin::make_bumpy_sphere(1.0, 16'000, {40, 0.1, 0.12, 1}).surface.mesh, {});
+                      dupin::make_bumpy_sphere(1.0, 20'000, {40, 0.1, 0.12, 1}).surface.mesh, {});
 }
 
 // ---- output --------------------------------------------------------------------------------
