@@ -36,7 +36,7 @@ double kolmogorov_p_value(double statistic, Eigen::Index num_values);
 
 /// The same for two samples, in the limit x = sqrt(m n / (m + n)) D. The correction of the test of
 /// one sample is left out on purpose: here D jumps in steps, and with it the test would reject more
-/// often than it says (m = n = 100, level .05: .0539 instead of .0366).
+/// often than it says (m = n = 100, level .05: .0539 instead of .0364).
 /// @param num_first, num_second m, n >= 5
 double kolmogorov_p_value(double statistic, Eigen::Index num_first, Eigen::Index num_second);
 

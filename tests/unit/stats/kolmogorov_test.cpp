@@ -100,15 +100,15 @@ TEST(KolmogorovCriticalValue, InvertsThePValue) {
 }
 
 // Two samples of 100: D moves in steps of .01. What the limit calls .05 rejects with the exact
-// probability .0364 (from .20 on); one step less would be .054.
+// probability .0364 (from .20 on); one step less would be .0539.
 TEST(KolmogorovCriticalValue, OfTwoSamplesDoesNotRejectTooOften) {
   for (const int n : {10, 30, 100, 300}) {
     const double critical = kolmogorov_critical_value(0.05, n, n);
     const int first_rejected = static_cast<int>(std::floor(critical * n)) + 1;
     EXPECT_LE(exact_two_sample(n, first_rejected), 0.05) << n;
   }
-  EXPECT_NEAR(exact_two_sample(100, 20), 0.0364, 5e-4);
-  EXPECT_GT(exact_two_sample(100, 19), 0.05);
+  EXPECT_NEAR(exact_two_sample(100, 20), 0.0364, 5e-5);
+  EXPECT_NEAR(exact_two_sample(100, 19), 0.0539, 5e-5);
 }
 
 // Under the null hypothesis p-values are uniform: 2000 seeded samples of 20. The count under .05 is
