@@ -21,8 +21,9 @@ using NeighborVisitor = std::function<void(Eigen::Index query, std::span<const s
 /// Exact neighbours of many queries at once: queries that lie together share one list of
 /// candidates. For a few scattered queries PointIndex is as good. Safe to query from many threads.
 ///
-/// Memory: 32 bytes a point and about 20 for the cells; the same again for the queries while a
-/// search runs, unless they are the points in the same order.
+/// Memory: 28 bytes a point and 8 to 16 for the cells, 32 more while they are sorted; the same for
+/// the queries of a search, unless they are the points in the same order. See
+/// docs/adr/0012-neighbour-search.md.
 class NeighborSearch {
  public:
   /// Keeps its own sorted copy of `points` (#V by 3, #V = 0 allowed). Cost: O(V log V).
