@@ -223,7 +223,7 @@ TEST(NeighborSearch, IsExactAtEveryScale) {
     expect_brute_force(points, points, {1, 20, 100, 500});
   }
   // Squares that are subnormal or zero: ties by index, but no neighbour is lost.
-  for (const double scale : {1e-160, 1e-162, 1e-170}) {
+  for (const double scale : {1e-160, 3e-161, 1e-161, 3e-162, 1e-162, 1e-170}) {
     SCOPED_TRACE(scale);
     const Points points = unit * scale;
     expect_brute_force(points, points, {1, 20, 100});
