@@ -45,6 +45,7 @@ void add_check(CLI::App& app, Context& context);
 void add_curvature(CLI::App& app, Context& context);
 void add_scalespace(CLI::App& app, Context& context);
 void add_keypoints(CLI::App& app, Context& context);
+void add_mls(CLI::App& app, Context& context);
 void add_render(CLI::App& app, Context& context);
 void add_synth(CLI::App& app, Context& context);
 void add_demo(CLI::App& app, Context& context);

@@ -6,17 +6,23 @@
 #include <memory>
 
 #include "context.h"
+#include "curvature_verb.h"
 #include "dupin/base/error.h"
 #include "dupin/io/surface_io.h"
+#include "dupin/mls/mls_surface.h"
 #include "surface_input.h"
 
 namespace dupin::cli {
 namespace {
 
-struct CurvatureRequest {
-  std::string mesh;
-  std::string output;
-  std::string method = "taubin";
+constexpr double kDegrees = 180.0 / M_PI;
+
+// What both estimators give; the deviations only from patches.
+struct Estimate {
+  CurvatureField field;
+  MlsCurvature patches;
+
+  bool has_deviations() const { return patches.sigma.size() > 0; }
 };
 
 nlohmann::ordered_json summary(const Eigen::VectorXd& values) {
@@ -34,8 +40,9 @@ Eigen::VectorXd estimated(const CurvatureField& field, const Eigen::VectorXd& va
   return kept;
 }
 
-void write_curvature(const LoadedSurface& surface, const CurvatureField& field, double h, double k,
+void write_curvature(const LoadedSurface& surface, const Estimate& estimate, double h, double k,
                      const std::string& path) {
+  const CurvatureField& field = estimate.field;
   SurfaceOutput out;
   out.points = surface.input_points;
   const Triangles& local = surface.graph.triangles;
@@ -57,6 +64,14 @@ void write_curvature(const LoadedSurface& surface, const CurvatureField& field, 
   for (Eigen::Index v = 0; v < flag.size(); ++v)
     flag[v] = field.is_estimated[static_cast<std::size_t>(v)];
   out.properties.push_back({"estimated", surface.to_input(flag), true});
+  if (estimate.has_deviations()) {
+    add("H_sd", estimate.patches.mean_sd, h);
+    add("K_sd", estimate.patches.gauss_sd, k);
+    add("normal_sd_degrees", estimate.patches.normal_sd_rad, kDegrees);
+    add("sigma", estimate.patches.sigma, surface.unit);
+    out.properties.push_back(
+        {"order", surface.to_input(estimate.patches.order.cast<double>()), true});
+  }
   const SurfaceFormat format = surface_format_of(path);
   if (format != SurfaceFormat::ply_binary && format != SurfaceFormat::ply_ascii) {
     throw InvalidArgument("output is not a .ply file", "only PLY carries values at vertices");
@@ -64,58 +79,125 @@ void write_curvature(const LoadedSurface& surface, const CurvatureField& field, 
   write_surface(path, out, format);
 }
 
-void run_curvature(Context& context, const CurvatureRequest& request) {
-  LoadedSurface surface;
-  CurvatureField field;
-  with_progress(context, "curvature", [&] {
-    surface = load_surface(request.mesh, context);
+Estimate estimate_curvature(const LoadedSurface& surface, const CurvatureRequest& request,
+                            const RunControl& run) {
+  Estimate estimate;
+  if (request.method == "taubin") {
     if (!surface.graph.is_mesh()) {
       throw Error(Errc::impossible, "E_NO_FACES",
                   "Taubin's curvature needs faces, this is a point cloud", {request.mesh, 0, -1},
-                  "dupin keypoints works on points");
+                  "--method mls works on points");
     }
-    field = estimate_curvature_taubin({surface.graph.points, surface.graph.triangles},
-                                      surface.graph.topology, context.run.stage(0.5, 1.0));
+    estimate.field = estimate_curvature_taubin({surface.graph.points, surface.graph.triangles},
+                                               surface.graph.topology, run);
+    return estimate;
+  }
+  MlsCurvatureOptions options;
+  options.patch = request.patch;
+  options.patch.radius /= surface.unit;
+  if (request.method == "jet") options.patch.weight = MlsWeight::uniform;
+  estimate.patches =
+      estimate_curvature_mls(surface.graph.points, surface.graph.normals, options, run);
+  estimate.field = estimate.patches.field;
+  return estimate;
+}
+
+// Points by the coefficients that their neighbourhood determined.
+nlohmann::ordered_json count_orders(const Eigen::VectorXi& order) {
+  nlohmann::ordered_json counts;
+  for (const int coefficients : {10, 6, 3, 0}) {
+    counts[std::to_string(coefficients)] = (order.array() == coefficients).count();
+  }
+  return counts;
+}
+
+}  // namespace
+
+void run_curvature(Context& context, const CurvatureRequest& request) {
+  LoadedSurface surface;
+  Estimate estimate;
+  with_progress(context, "curvature", [&] {
+    surface = load_surface(request.mesh, context);
+    estimate = estimate_curvature(surface, request, context.run.stage(0.5, 1.0));
   });
+  const CurvatureField& field = estimate.field;
   const double h = 1.0 / surface.unit;
   const double k = h * h;
   const Eigen::VectorXd H = estimated(field, field.mean(), h);
   const Eigen::VectorXd K = estimated(field, field.gauss(), k);
-  if (H.size() == 0)
-    throw AnalysisError("E_ALL_DEGENERATE", "no vertex has a face of positive area");
+  if (H.size() == 0) {
+    throw AnalysisError("E_ALL_DEGENERATE", request.method == "taubin"
+                                                ? "no vertex has a face of positive area"
+                                                : "no neighbourhood determines a second degree");
+  }
   if (!std::isfinite(K.sum()) || !std::isfinite(H.sum())) {
     throw Error(Errc::numerical, "E_RANGE", "the curvature is too large for a double",
                 {request.mesh, 0, -1}, "use a larger unit of length");
   }
-  if (!request.output.empty()) write_curvature(surface, field, h, k, request.output);
+  if (!request.output.empty()) write_curvature(surface, estimate, h, k, request.output);
   const Eigen::Index skipped = surface.num_input_vertices - H.size();
-  context.print_json({{"mean", {{"H", summary(H)}, {"K", summary(K)}}},
-                      {"skipped_vertices", std::max<Eigen::Index>(skipped, 0)},
-                      {"method", request.method},
-                      {"warnings", to_json(surface.warnings)}});
+  nlohmann::ordered_json document = {{"mean", {{"H", summary(H)}, {"K", summary(K)}}},
+                                     {"skipped_vertices", std::max<Eigen::Index>(skipped, 0)},
+                                     {"method", request.method}};
+  if (estimate.has_deviations()) {
+    const MlsCurvature& patches = estimate.patches;
+    document["mean"]["H_sd"] = summary(estimated(field, patches.mean_sd, h));
+    document["mean"]["K_sd"] = summary(estimated(field, patches.gauss_sd, k));
+    document["mean"]["normal_sd_degrees"] =
+        summary(estimated(field, patches.normal_sd_rad, kDegrees));
+    document["orders"] = count_orders(patches.order);
+  }
+  document["warnings"] = to_json(surface.warnings);
+  context.print_json(document);
   context.say(
       fmt::format("H  min {:.6g}  mean {:.6g}  max {:.6g}", H.minCoeff(), H.mean(), H.maxCoeff()));
   context.say(
       fmt::format("K  min {:.6g}  mean {:.6g}  max {:.6g}", K.minCoeff(), K.mean(), K.maxCoeff()));
+  if (estimate.has_deviations()) {
+    const Eigen::VectorXd sd = estimated(field, estimate.patches.mean_sd, h);
+    context.say(fmt::format("standard deviation of H  min {:.3g}  mean {:.3g}  max {:.3g}",
+                            sd.minCoeff(), sd.mean(), sd.maxCoeff()));
+  }
   if (!request.output.empty()) context.say(fmt::format("written: {}", request.output));
 }
 
-}  // namespace
+void add_patch_options(CLI::App& verb, MlsOptions& options) {
+  verb.add_option("--neighbors", options.neighbors, "Nearest points of a patch")
+      ->check(CLI::Range(3, 100'000))
+      ->capture_default_str();
+  verb.add_option("--radius", options.radius,
+                  "Radius of a patch in the unit of the input, instead of --neighbors")
+      ->check(CLI::PositiveNumber);
+  verb.add_option_function<std::string>(
+          "--patch-weights",
+          [&options](const std::string& name) {
+            options.weight = name == "uniform" ? MlsWeight::uniform : MlsWeight::gaussian;
+          },
+          "Weights of the neighbours")
+      ->check(CLI::IsMember({"gaussian", "uniform"}))
+      ->default_str("gaussian");
+  verb.add_option("--weight-width", options.weight_width,
+                  "Width of the Gaussian weights, in radii of the patch")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->capture_default_str();
+}
 
 void add_curvature(CLI::App& app, Context& context) {
   CLI::App* verb =
       app.add_subcommand("curvature", "Principal curvatures and directions at every vertex");
   verb->footer(
-      "Example:\n  dupin curvature bunny.off -o curvature.ply\n\nThe PLY carries k1 >= k2, H = (k1 "
-      "+ k2) / 2 > 0 on a "
-      "sphere, K = k1 k2 and the directions d1, d2.");
+      "Example:\n  dupin curvature bunny.off -o curvature.ply\n  dupin curvature cloud.xyz "
+      "--method "
+      "mls\n\nThe PLY carries k1 >= k2, H = (k1 + k2) / 2 > 0 on a sphere, K = k1 k2 and the "
+      "directions d1, d2; with mls and jet also the standard deviations H_sd, K_sd.");
   add_global_options(*verb, context);
   auto request = std::make_shared<CurvatureRequest>();
   verb->add_option("MESH", request->mesh, "Surface; - reads standard input")->required();
   verb->add_option("-o,--output", request->output, "PLY to write");
   verb->add_option("--method", request->method, "Estimator")
-      ->check(CLI::IsMember({"taubin"}))
+      ->check(CLI::IsMember({"taubin", "mls", "jet"}))
       ->capture_default_str();
+  add_patch_options(*verb, request->patch);
   verb->callback([request, &context] { run_curvature(context, *request); });
 }
 

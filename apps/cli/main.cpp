@@ -71,6 +71,7 @@ void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_scalespace(app, context);
   dupin::cli::add_keypoints(app, context);
   dupin::cli::add_render(app, context);
+  dupin::cli::add_mls(app, context);
   dupin::cli::add_synth(app, context);
   dupin::cli::add_demo(app, context);
   dupin::cli::add_completion(app, context);

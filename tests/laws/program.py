@@ -62,7 +62,8 @@ class Law(unittest.TestCase):
 
 def read_ply(path):
     """Points and triangles of a binary PLY that the program wrote (x y z first, then doubles)."""
-    data = open(path, "rb").read()
+    with open(path, "rb") as file:
+        data = file.read()
     head, body = data.split(b"end_header\n", 1)
     sizes = {b"double": 8, b"float": 4, b"int": 4, b"uint": 4, b"uchar": 1}
     num_vertices = num_faces = stride = 0
