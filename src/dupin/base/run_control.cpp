@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <atomic>
 
+#include "dupin/base/error.h"
+
 namespace dupin {
 
 struct RunControl::State {
@@ -22,6 +24,10 @@ void RunControl::cancel() const {
 
 bool RunControl::cancelled() const {
   return state_ && state_->cancelled.load(std::memory_order_relaxed);
+}
+
+void RunControl::throw_if_cancelled() const {
+  if (cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
 }
 
 double RunControl::progress() const {

@@ -11,8 +11,11 @@ class RunControl {
   RunControl() = default;
   static RunControl create();
 
-  void cancel() const;                 ///< any thread or signal handler, idempotent
-  bool cancelled() const;              ///< one relaxed load: cheap enough for every outer iteration
+  void cancel() const;     ///< any thread or signal handler, idempotent
+  bool cancelled() const;  ///< one relaxed load: cheap enough for every outer iteration
+  /// For what has no Status to return: readers and the program. @throws Error(Errc::interrupted)
+  /// E_INTERRUPTED if cancelled()
+  void throw_if_cancelled() const;
   double progress() const;             ///< in [0, 1], never decreases during a run
   void report(double fraction) const;  ///< called by algorithms only; fraction of this stage
 

@@ -1,10 +1,11 @@
 #include "dupin/io/file.h"
 
 #include <fcntl.h>
-#include <sys/mman.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -16,7 +17,7 @@
 namespace dupin {
 namespace {
 
-// Below this size a copy is as fast as a mapping, and immune to a file that shrinks meanwhile.
+// Below this size a copy is as fast as a mapping.
 constexpr std::int64_t kSmallFile = 1 << 16;
 
 class Descriptor {
@@ -77,9 +78,20 @@ Buffer grown(Buffer buffer, std::size_t size) {
   return Buffer(static_cast<std::uint8_t*>(data));
 }
 
+// A pipe may stay silent for ever: only poll() lets the run be looked at meanwhile.
+void wait_for_input(int fd, const RunControl& run) {
+  struct pollfd wanted {
+    fd, POLLIN, 0
+  };
+  do {
+    run.throw_if_cancelled();
+  } while (::poll(&wanted, 1, 100) == 0);
+  run.throw_if_cancelled();
+}
+
 // Reads to the end, at most one byte more than the limit, which require_size() then refuses.
 std::pair<Buffer, std::size_t> read_all(int fd, const std::string& path, std::size_t first_capacity,
-                                        const ReadLimits& limits) {
+                                        const ReadLimits& limits, const RunControl& run) {
   const auto most = static_cast<std::size_t>(limits.max_file_bytes) + 1;
   std::size_t capacity = std::min(first_capacity, most);
   std::size_t size = 0;
@@ -89,8 +101,9 @@ std::pair<Buffer, std::size_t> read_all(int fd, const std::string& path, std::si
       capacity = std::min(2 * capacity, most);
       buffer = grown(std::move(buffer), capacity);
     }
+    wait_for_input(fd, run);
     const ssize_t got = ::read(fd, buffer.get() + size, capacity - size);
-    if (got < 0 && errno == EINTR) continue;
+    if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
     if (got < 0 && errno == EISDIR) require_regular(path, S_IFDIR);
     if (got < 0) fail_read(path, "E_READ", std::strerror(errno));
     if (got == 0) break;
@@ -102,10 +115,11 @@ std::pair<Buffer, std::size_t> read_all(int fd, const std::string& path, std::si
 
 }  // namespace
 
-FileBytes FileBytes::open(const std::string& path, const ReadLimits& limits) {
+FileBytes FileBytes::open(const std::string& path, const ReadLimits& limits,
+                          const RunControl& run) {
   FileBytes file;
   if (path == "-") {
-    auto [buffer, size] = read_all(STDIN_FILENO, path, std::size_t{1} << 16U, limits);
+    auto [buffer, size] = read_all(STDIN_FILENO, path, std::size_t{1} << 16U, limits, run);
     file.data_ = buffer.release();
     file.size_ = size;
     return file;
@@ -123,43 +137,37 @@ FileBytes FileBytes::open(const std::string& path, const ReadLimits& limits) {
   // Files of /proc and the like say that they are empty and are not.
   if (info.st_size > kSmallFile) {
     require_size(path, info.st_size, limits);
-    const auto size = static_cast<std::size_t>(info.st_size);
-    void* const data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_POPULATE, fd.get(), 0);
-    if (data != MAP_FAILED) {
-      file.data_ = static_cast<const std::uint8_t*>(data);
-      file.size_ = size;
-      file.is_mapped_ = true;
-      return file;
-    }
+    file.size_ = static_cast<std::size_t>(info.st_size);
+    file.mapping_ = detail::Mapping(fd.get(), file.size_);
+    file.data_ = file.mapping_.data();
+    if (file.data_ != nullptr) return file;
   }
   const auto expected = static_cast<std::size_t>(info.st_size) + 1;
-  auto [buffer, size] = read_all(fd.get(), path, expected, limits);
+  auto [buffer, size] = read_all(fd.get(), path, expected, limits, run);
   file.data_ = buffer.release();
   file.size_ = size;
   return file;
 }
 
+void FileBytes::require_whole(const std::string& path) const {
+  if (mapping_.was_cut()) fail_read(path, "E_READ", "the file became shorter while it was read");
+}
+
 FileBytes::FileBytes(FileBytes&& other) noexcept
-    : data_(std::exchange(other.data_, nullptr)),
-      size_(std::exchange(other.size_, 0)),
-      is_mapped_(other.is_mapped_) {}
+    : mapping_(std::move(other.mapping_)),
+      data_(std::exchange(other.data_, nullptr)),
+      size_(std::exchange(other.size_, 0)) {}
 
 FileBytes& FileBytes::operator=(FileBytes&& other) noexcept {
+  std::swap(mapping_, other.mapping_);
   std::swap(data_, other.data_);
   std::swap(size_, other.size_);
-  std::swap(is_mapped_, other.is_mapped_);
   return *this;
 }
 
 FileBytes::~FileBytes() {
-  if (data_ == nullptr) return;
-  // Both interfaces want the memory as writable although nobody wrote to it.
-  void* const data = const_cast<std::uint8_t*>(data_);
-  if (is_mapped_) {
-    ::munmap(data, size_);
-  } else {
-    std::free(data);
-  }
+  // free() wants the memory as writable although nobody writes to it any more.
+  if (mapping_.data() == nullptr) std::free(const_cast<std::uint8_t*>(data_));
 }
 
 }  // namespace dupin

@@ -5,6 +5,9 @@
 #include <string>
 #include <string_view>
 
+#include "dupin/base/error.h"
+#include "dupin/base/mapping.h"
+#include "dupin/base/run_control.h"
 #include "dupin/io/read_options.h"
 
 namespace dupin {
@@ -13,11 +16,12 @@ namespace dupin {
 class FileBytes {
  public:
   /// Opens `path` without blocking and refuses what is not a regular file; "-" reads standard input
-  /// to its end within limits.max_file_bytes.
+  /// to its end within limits.max_file_bytes, and looks at `run` ten times a second while it waits.
   /// @throws IoError E_NOT_FOUND, E_OPEN, E_PERMISSION, E_NOT_A_FILE, E_READ (Errc::cannot_read),
-  /// E_EMPTY
-  ///   (Errc::malformed), E_TOO_LARGE (Errc::over_limit)
-  static FileBytes open(const std::string& path, const ReadLimits& limits);
+  ///   E_EMPTY (Errc::malformed), E_TOO_LARGE (Errc::over_limit)
+  /// @throws Error(Errc::interrupted) when cancelled
+  static FileBytes open(const std::string& path, const ReadLimits& limits,
+                        const RunControl& run = {});
 
   FileBytes(FileBytes&& other) noexcept;
   FileBytes& operator=(FileBytes&& other) noexcept;
@@ -27,11 +31,27 @@ class FileBytes {
 
   std::span<const std::uint8_t> bytes() const { return {data_, size_}; }
 
+  /// What `parse()` makes of the bytes, if they all stayed there: neither its result nor its error
+  /// is to be believed when the file became shorter meanwhile, for then some bytes were zeros.
+  /// @throws IoError E_READ in that case
+  template <class Parse>
+  auto judge(const std::string& path, Parse&& parse) const {
+    try {
+      auto result = parse();
+      require_whole(path);
+      return result;
+    } catch (const IoError&) {
+      require_whole(path);
+      throw;
+    }
+  }
+
  private:
   FileBytes() = default;
+  void require_whole(const std::string& path) const;
+  detail::Mapping mapping_;  // empty: data_ is on the heap
   const std::uint8_t* data_ = nullptr;
   std::size_t size_ = 0;
-  bool is_mapped_ = false;
 };
 
 /// Writes `bytes` beside `path` under a temporary name, flushes, and renames: readers see the old

@@ -200,9 +200,9 @@ void write_npz(const std::string& path, const std::vector<NpyArray>& arrays) {
   write_file_atomically(path, detail::format_npz(arrays));
 }
 
-NpyArray read_npy(const std::string& path, const ReadLimits& limits) {
-  const FileBytes file = FileBytes::open(path, limits);
-  return detail::parse_npy(file.bytes(), path, limits);
+NpyArray read_npy(const std::string& path, const ReadLimits& limits, const RunControl& run) {
+  const FileBytes file = FileBytes::open(path, limits, run);
+  return file.judge(path, [&] { return detail::parse_npy(file.bytes(), path, limits); });
 }
 
 }  // namespace dupin

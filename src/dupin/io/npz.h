@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "dupin/base/run_control.h"
 #include "dupin/io/read_options.h"
 
 namespace dupin {
@@ -27,6 +28,7 @@ void write_npz(const std::string& path, const std::vector<NpyArray>& arrays);
 /// Reads .npy of float or integer numbers (<f4 <f8 <i1..<i8 |u1.. , C or Fortran order), 1 or 2
 /// dimensions.
 /// @throws IoError as read_surface(); E_NONFINITE when a value is not finite
-NpyArray read_npy(const std::string& path, const ReadLimits& limits = {});
+NpyArray read_npy(const std::string& path, const ReadLimits& limits = {},
+                  const RunControl& run = {});
 
 }  // namespace dupin

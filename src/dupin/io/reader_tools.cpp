@@ -5,7 +5,7 @@
 namespace dupin::detail {
 
 void check_run(const RunControl& run, std::int64_t done, std::int64_t total) {
-  if (run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+  run.throw_if_cancelled();
   if (total > 0) run.report(static_cast<double>(done) / static_cast<double>(total));
 }
 

@@ -58,8 +58,8 @@ SurfaceFile parse_surface(std::span<const std::uint8_t> bytes, const std::string
 }
 
 SurfaceFile read_surface(const std::string& path, const ReadOptions& options, RunControl run) {
-  const FileBytes file = FileBytes::open(path, options.limits);
-  return parse_surface(file.bytes(), path, options, run);
+  const FileBytes file = FileBytes::open(path, options.limits, run);
+  return file.judge(path, [&] { return parse_surface(file.bytes(), path, options, run); });
 }
 
 void write_surface(const std::string& path, const SurfaceOutput& surface, SurfaceFormat format) {

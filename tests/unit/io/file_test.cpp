@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -10,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <functional>
@@ -67,6 +69,69 @@ TEST(FileBytes, GivesTheBytesOfSmallAndLargeFiles) {
     ASSERT_EQ(file.bytes().size(), size);
     EXPECT_EQ(std::memcmp(file.bytes().data(), text.data(), size), 0);
   }
+}
+
+// The pages that a shortened file has lost end a process that looks at them; here they are zeros,
+// and what was made of them is not believed.
+TEST(FileBytes, OutlivesAFileThatShrinks) {
+  const test::TemporaryFolder folder;
+  constexpr std::size_t kSize = std::size_t{3} << 20U;
+  test::spit(folder / "a", std::string(kSize, 'x'));
+  const auto count_of = [](const FileBytes& file) {
+    return static_cast<std::size_t>(
+        std::count(file.bytes().begin(), file.bytes().end(), std::uint8_t{'x'}));
+  };
+  EXPECT_EQ(in_child([&] {
+              const FileBytes file = FileBytes::open(folder / "a", {});
+              if (file.judge("a", [&] { return count_of(file); }) != kSize) return 2;
+              if (::truncate((folder / "a").c_str(), 100) != 0) return 3;
+              try {
+                return file.judge("a", [&] { return count_of(file); }) == 100 ? 1 : 5;
+              } catch (const IoError& error) {
+                return error.code() == "E_READ" ? 0 : 4;
+              }
+              return 1;
+            }),
+            0);
+}
+
+// The guard is for its own mappings: a process whose other mappings break still ends as before.
+TEST(FileBytes, LeavesOtherMappingsAlone) {
+  const test::TemporaryFolder folder;
+  test::spit(folder / "a", std::string(std::size_t{1} << 20U, 'x'));
+  test::spit(folder / "b", std::string(std::size_t{1} << 20U, 'x'));
+  EXPECT_EQ(in_child([&] {
+              ::signal(SIGBUS, SIG_DFL);  // whatever the tests run under
+              const FileBytes file = FileBytes::open(folder / "a", {});
+              const int fd = ::open((folder / "b").c_str(), O_RDONLY);
+              const void* const data =
+                  ::mmap(nullptr, std::size_t{1} << 20U, PROT_READ, MAP_PRIVATE, fd, 0);
+              if (::truncate((folder / "b").c_str(), 100) != 0) return 2;
+              return static_cast<const volatile std::uint8_t*>(data)[1 << 19] + 1;
+            }),
+            1000 + SIGBUS);
+}
+
+// A silent pipe is left as soon as the run is cancelled.
+TEST(FileBytes, IsInterruptedWhileItWaits) {
+  EXPECT_EQ(in_child([] {
+              int ends[2];
+              if (::pipe(ends) != 0 || ::dup2(ends[0], STDIN_FILENO) < 0) return 2;
+              const RunControl run = RunControl::create();
+              std::thread other([&] {
+                std::this_thread::sleep_for(std::chrono::milliseconds(50));
+                run.cancel();
+              });
+              int status = 1;
+              try {
+                FileBytes::open("-", {}, run);
+              } catch (const Error& error) {
+                status = error.errc() == Errc::interrupted ? 0 : 3;
+              }
+              other.join();
+              return status;
+            }),
+            0);
 }
 
 // Contract row 2: refused within 50 ms, although nobody will ever write into the FIFO.
