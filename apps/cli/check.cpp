@@ -12,6 +12,7 @@
 #include "dupin/base/error.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mesh/heal.h"
+#include "surface_input.h"
 
 namespace dupin::cli {
 namespace {
@@ -23,13 +24,6 @@ struct Judgement {
   HealedSurface surface;
   WarningList warnings;  // of the reader, then of the repair
 };
-
-// What the analysis says of a surface says nothing of its file: the name is added here.
-Error in_file(const Error& error, const std::string& file) {
-  Location location = error.location();
-  if (location.file.empty()) location.file = file;
-  return {error.errc(), error.code(), error.what(), location, error.hint()};
-}
 
 Judgement judge(Context& context, const std::string& file) {
   Judgement judgement;
@@ -131,17 +125,6 @@ void tell(const Context& context, const Judgement& judgement, const std::string&
   }
 }
 
-ordered_json error_json(const Error& error) {
-  ordered_json fields{{"exit", static_cast<int>(error.errc())},
-                      {"code", error.code()},
-                      {"message", error.what()},
-                      {"file", error.location().file}};
-  if (error.location().line > 0) fields["line"] = error.location().line;
-  if (error.location().byte >= 0) fields["byte"] = error.location().byte;
-  fields["hint"] = error.hint();
-  return fields;
-}
-
 void check(Context& context, const std::vector<std::string>& files) {
   if (files.size() == 1) {
     const Judgement judgement = judge(context, files.front());
@@ -158,9 +141,8 @@ void check(Context& context, const std::vector<std::string>& files) {
       documents.push_back(to_json(judgement, file));
     } catch (const Error& error) {
       if (error.errc() == Errc::interrupted) throw;
-      fmt::print(stderr, "dupin: {}\n", error.diagnostic());
-      if (!error.hint().empty()) fmt::print(stderr, "  hint: {}\n", error.hint());
-      documents.push_back({{"file", file}, {"error", error_json(error)}});
+      tell_error(error);
+      documents.push_back({{"file", file}, {"error", dupin::cli::to_json(error)}});
       if (context.exit_code == 0) context.exit_code = static_cast<int>(error.errc());
     }
   }

@@ -5,12 +5,12 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <cstdio>
 #include <mutex>
 #include <thread>
 
-#include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 
 namespace dupin::cli {
@@ -31,15 +31,17 @@ std::string bar(const std::string& what, double fraction, double seconds) {
   std::string line =
       fmt::format("\r{} [{}{}] {:3.0f} %", what, std::string(static_cast<std::size_t>(filled), '#'),
                   std::string(static_cast<std::size_t>(kWidth - filled), '.'), 100.0 * fraction);
-  if (fraction > 0.02)
-    line += fmt::format(", {:.0f} s left ", seconds * (1.0 - fraction) / fraction);
+  if (fraction > 0.02) {
+    line += fmt::format(", {:.1f} %/s, {:.0f} s left ", 100.0 * fraction / seconds,
+                        seconds * (1.0 - fraction) / fraction);
+  }
   return line;
 }
 
 }  // namespace
 
 void Context::print_json(const nlohmann::ordered_json& document) const {
-  if (json) write_stdout(document.dump(1) + "\n");
+  if (json) write_stdout(to_text(document));
 }
 
 void Context::say(const std::string& line) const {
@@ -68,33 +70,59 @@ nlohmann::ordered_json to_json(const WarningList& warnings) {
   return list;
 }
 
+nlohmann::ordered_json to_json(const Error& error) {
+  nlohmann::ordered_json fields{{"exit", static_cast<int>(error.errc())},
+                                {"code", error.code()},
+                                {"message", error.what()},
+                                {"file", error.location().file}};
+  if (error.location().line > 0) fields["line"] = error.location().line;
+  if (error.location().byte >= 0) fields["byte"] = error.location().byte;
+  fields["hint"] = error.hint();
+  return fields;
+}
+
+std::string to_text(const nlohmann::ordered_json& document) {
+  return document.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+void tell_error(const Error& error) {
+  fmt::print(stderr, "dupin: {}\n", error.diagnostic());
+  if (!error.hint().empty()) fmt::print(stderr, "  hint: {}\n", error.hint());
+}
+
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
   set_thread_count(context.threads);
+  const auto require_time = [&] {
+    if (!context.timed_out) return;
+    throw Error(Errc::over_limit, "E_TIMEOUT",
+                fmt::format("not done after {} s", context.timeout_seconds), {}, "raise --timeout");
+  };
+  require_time();
   // The watcher draws the bar and keeps --timeout; it never touches the result.
   const bool draw = !context.quiet && isatty(STDERR_FILENO) == 1;
   std::mutex mutex;
   std::condition_variable wake;
   bool done = false;
-  std::atomic<bool> timed_out{false};
-  const auto start = std::chrono::steady_clock::now();
-  std::thread watcher;
-  if (draw || context.timeout_seconds > 0.0) {
-    watcher = std::thread([&] {
-      std::unique_lock<std::mutex> lock(mutex);
-      while (!wake.wait_for(lock, std::chrono::milliseconds(100), [&] { return done; })) {
-        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-        if (context.timeout_seconds > 0.0 && seconds.count() > context.timeout_seconds) {
-          timed_out = true;
-          context.run.cancel();
-        }
-        if (draw && seconds.count() > 0.5) {
-          fmt::print(stderr, "{}", bar(what, context.run.progress(), seconds.count()));
-          std::fflush(stderr);
-        }
+  const auto watch = [&] {
+    std::unique_lock<std::mutex> lock(mutex);
+    const auto seconds_since = [](std::chrono::steady_clock::time_point start) {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    const auto start = std::chrono::steady_clock::now();
+    while (!wake.wait_for(lock, std::chrono::milliseconds(50), [&] { return done; })) {
+      if (context.timeout_seconds > 0.0 && seconds_since(context.start) > context.timeout_seconds) {
+        context.timed_out = true;
+        context.run.cancel();
       }
-      if (draw) fmt::print(stderr, "\r\033[K");
-    });
-  }
+      if (draw && seconds_since(start) > 0.5) {
+        fmt::print(stderr, "{}", bar(what, context.run.progress(), seconds_since(start)));
+        std::fflush(stderr);
+      }
+    }
+    if (draw) fmt::print(stderr, "\r\033[K");
+  };
+  std::thread watcher;
+  if (draw || context.timeout_seconds > 0.0) watcher = std::thread(watch);
   const auto finish = [&] {
     if (!watcher.joinable()) return;
     {
@@ -106,16 +134,29 @@ void with_progress(Context& context, const std::string& what, const std::functio
   };
   try {
     work();
+  } catch (const Error& error) {
+    finish();
+    // --timeout cancels the run, which then ends as if somebody had interrupted it.
+    if (error.errc() == Errc::interrupted) require_time();
+    throw;
   } catch (...) {
     finish();
     throw;
   }
   finish();
-  if (timed_out) {
-    throw Error(Errc::over_limit, "E_TIMEOUT",
-                fmt::format("not done after {} s", context.timeout_seconds), {}, "raise --timeout");
-  }
-  if (context.run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+  require_time();
+  context.run.throw_if_cancelled();
+}
+
+CLI::Validator in_range(double low, double high) {
+  return CLI::Validator(
+      [low, high](const std::string& text) {
+        double value = 0.0;
+        if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high)
+          return std::string();
+        return fmt::format("{} is not in the range {} to {}", escaped(text, 40), low, high);
+      },
+      fmt::format("FLOAT in [{} - {}]", low, high), "RANGE");
 }
 
 void add_global_options(CLI::App& verb, Context& context) {
@@ -127,7 +168,7 @@ void add_global_options(CLI::App& verb, Context& context) {
       ->check(CLI::Range(1, 1024));
   verb.add_option("--seed", context.seed, "Seed of everything random")->capture_default_str();
   verb.add_option("--timeout", context.timeout_seconds, "Give up after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(in_range(1e-3, 1e9));
   ReadLimits& limits = context.read.limits;
   const auto limit = [&](const char* name, std::int64_t& value, const char* text) {
     verb.add_option(name, value, text)

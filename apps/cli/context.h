@@ -1,10 +1,13 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "dupin/base/error.h"
 #include "dupin/base/run_control.h"
 #include "dupin/base/warning.h"
 #include "dupin/io/read_options.h"
@@ -18,10 +21,12 @@ struct Context {
   bool strict = false;
   int threads = 0;
   std::uint64_t seed = 0;
-  double timeout_seconds = 0.0;  ///< 0: none
+  double timeout_seconds = 0.0;  ///< of the whole command; 0: none
   ReadOptions read;
   RunControl run = RunControl::create();
-  int exit_code = 0;  ///< set by a verb whose answer is "no"
+  std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  std::atomic<bool> timed_out{false};  ///< then `run` is cancelled, and for good
+  int exit_code = 0;                   ///< set by a verb whose answer is "no"
 
   /// Prints `document` on stdout when --json was given (and nothing else ever goes there then).
   void print_json(const nlohmann::ordered_json& document) const;
@@ -32,12 +37,23 @@ struct Context {
 };
 
 nlohmann::ordered_json to_json(const WarningList& warnings);
+/// The fields of an error: exit, code, message, file, line or byte where they are known, hint.
+nlohmann::ordered_json to_json(const Error& error);
+/// The text of `document`, and a line end. Bytes that are no UTF-8, as file names may hold, become
+/// U+FFFD.
+std::string to_text(const nlohmann::ordered_json& document);
+/// "dupin: FILE:LINE: E_CODE: ..." and the hint, on stderr.
+void tell_error(const Error& error);
+
+/// Accepts numbers in [low, high] and nothing else: CLI::Range lets NaN pass.
+CLI::Validator in_range(double low, double high);
 
 /// Adds the global options (--json, --quiet, --threads, ...) to a verb.
 void add_global_options(CLI::App& verb, Context& context);
 
 /// Runs `work` on context.threads threads with a progress bar on a terminal; throws
-/// Error(Errc::interrupted) when it was cancelled.
+/// Error(Errc::interrupted) when it was cancelled and E_TIMEOUT when --timeout has passed, at once
+/// if it had before.
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work);
 
 // One function a verb, in a file of its name. Each adds its subcommand; the callback does the work.

@@ -148,17 +148,19 @@ Analysis analyse(const Subject& subject, Timing& timing, Context& context) {
   timing.faces = graph.triangles.rows();
   Watch watch;
   const Eigen::VectorXd local = compute_signal(graph, Signal::height, 6, context.run);
+  context.run.throw_if_cancelled();
   timing.signal = watch.lap();
   ScaleSpaceOptions options;
   options.want_levels = false;
   const DiffusionOperator op = umbrella_operator(graph.topology.ring, &graph.topology);
   const ScaleSpace stack = compute_scale_space(op, local, options, context.run);
+  context.run.throw_if_cancelled();
   timing.stack = watch.lap();
   const double signal_scale = local.size() > 0 ? local.cwiseAbs().maxCoeff() : 0.0;
   KeypointSet found =
       find_keypoints(graph, stack.loc, options.schedule, signal_scale, {}, context.run);
   timing.keypoints = watch.lap();
-  if (context.run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
+  context.run.throw_if_cancelled();
   out.schedule = options.schedule;
   out.tau = stack.tau;
   out.loc = stack.loc / out.surface.unit;
@@ -178,7 +180,9 @@ ReportPicture draw(const fs::path& directory, const Subject& subject, const std:
   options.height = kHeight;
   options.camera = camera_of(subject.view);
   const std::string name = subject.name + "-" + suffix + ".png";
-  write_png((directory / name).string(), render_surface(scene, options, context.run));
+  const Image image = render_surface(scene, options, context.run);
+  context.run.throw_if_cancelled();  // a picture whose tiles are not all drawn is no picture
+  write_png((directory / name).string(), image);
   return {name, subject.title + ": " + scene.legend.title, caption, kWidth, kHeight};
 }
 

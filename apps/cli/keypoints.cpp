@@ -68,12 +68,12 @@ Found find(Context& context, const KeypointRequest& request) {
   options.want_levels = false;
   const ScaleSpace stack =
       compute_scale_space(op, signal.columns.col(0), options, context.run.stage(0.25, 0.9));
-  require_done(stack.status);
+  context.run.throw_if_cancelled();
   found.tau = stack.tau;
   const double scale = signal.columns.size() > 0 ? signal.columns.cwiseAbs().maxCoeff() : 0.0;
   found.set = find_keypoints(found.surface.graph, stack.loc, request.stack.schedule, scale,
                              library_options(request), context.run.stage(0.9, 1.0));
-  require_done(found.set.status);
+  context.run.throw_if_cancelled();
   return found;
 }
 
@@ -154,7 +154,7 @@ std::string extension_of(const std::string& path) {
 void write(const Found& found, const std::string& path) {
   const std::string extension = extension_of(path);
   if (extension == ".json") {
-    write_file_atomically(path, document_of(found).dump(1) + "\n");
+    write_file_atomically(path, to_text(document_of(found)));
   } else if (extension == ".csv") {
     write_file_atomically(path, to_csv(found));
   } else {

@@ -18,52 +18,49 @@ using dupin::Error;
 using dupin::cli::Context;
 
 // A signal only sets a flag; algorithms look at it. The second one ends the program at once.
-Context* active_context = nullptr;
+Context* volatile active_context = nullptr;
 volatile std::sig_atomic_t signals_seen = 0;
+volatile std::sig_atomic_t last_signal = SIGINT;
 
 void on_signal(int signal) {
   signals_seen = signals_seen + 1;
+  last_signal = signal;
   if (signals_seen > 1 || active_context == nullptr) std::_Exit(128 + signal);
   active_context->run.cancel();
 }
 
-int report_error(const Context& context, Errc errc, const std::string& code,
-                 const std::string& diagnostic, const std::string& message, const std::string& hint,
-                 const dupin::Location& location) {
-  const int exit_code = static_cast<int>(errc);
-  fmt::print(stderr, "dupin: {}\n", diagnostic);
-  if (!hint.empty()) fmt::print(stderr, "  hint: {}\n", hint);
+// 130 or 143: what the shell expects of a program that the signal ended.
+int exit_code_of(Errc errc) {
+  return errc == Errc::interrupted ? 128 + static_cast<int>(last_signal) : static_cast<int>(errc);
+}
+
+constexpr const char* kUsageHint = "dupin --help, or dupin VERB --help";
+
+int report_error(const Context& context, const Error& error) {
+  dupin::cli::tell_error(error);
+  const int exit_code = exit_code_of(error.errc());
   if (context.json) {
-    nlohmann::ordered_json document;
-    auto& error = document["error"];
-    error["exit"] = exit_code;
-    error["code"] = code;
-    error["message"] = message;
-    error["file"] = location.file;
-    if (location.line > 0) error["line"] = location.line;
-    if (location.byte >= 0) error["byte"] = location.byte;
-    error["hint"] = hint;
-    const std::string text =
-        document.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    nlohmann::ordered_json document{{"error", dupin::cli::to_json(error)}};
+    document["error"]["exit"] = exit_code;
+    const std::string text = dupin::cli::to_text(document);
     std::fwrite(text.data(), 1, text.size(), stdout);
     std::fflush(stdout);
   }
   return exit_code;
 }
 
-constexpr const char* kUsageHint = "dupin --help, or dupin VERB --help";
-
-int report_error(const Context& context, const Error& error) {
-  const bool needs_hint = error.hint().empty() && error.errc() == Errc::usage;
-  return report_error(context, error.errc(), error.code(), error.diagnostic(), error.what(),
-                      needs_hint ? kUsageHint : error.hint(), error.location());
-}
-
 int usage_error(const Context& context, const std::string& message) {
-  std::string line = message.substr(0, message.find('\n'));
-  return report_error(context, Errc::usage, "E_OPTION", "E_OPTION: " + dupin::escaped(line, 400),
-                      line, kUsageHint, {});
+  const std::string line = dupin::escaped(message.substr(0, message.find('\n')), 400);
+  return report_error(context, Error(Errc::usage, "E_OPTION", line, {}, kUsageHint));
 }
+
+// The handlers know the context only while it lives.
+struct ActiveContext {
+  explicit ActiveContext(Context& context) { active_context = &context; }
+  ActiveContext(const ActiveContext&) = delete;
+  ActiveContext& operator=(const ActiveContext&) = delete;
+  ~ActiveContext() { active_context = nullptr; }
+};
 
 void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_check(app, context);
@@ -80,7 +77,7 @@ void add_verbs(CLI::App& app, Context& context) {
 
 int run(int argc, char** argv) {
   Context context;
-  active_context = &context;
+  const ActiveContext active(context);
   CLI::App app{"Dupin finds the features of 3D surfaces at every scale.", "dupin"};
   app.set_version_flag("--version", std::string("dupin ") + dupin::kVersion);
   app.require_subcommand(1);
@@ -91,7 +88,7 @@ int run(int argc, char** argv) {
     context.json = std::any_of(argv + 1, argv + argc,
                                [](const char* word) { return std::string(word) == "--json"; });
     app.parse(argc, argv);
-    return context.run.cancelled() ? static_cast<int>(Errc::interrupted) : context.exit_code;
+    return context.exit_code;
   } catch (const CLI::CallForHelp& help) {
     return app.exit(help);
   } catch (const CLI::CallForAllHelp& help) {
@@ -101,14 +98,16 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return usage_error(context, error.what());
   } catch (const Error& error) {
-    return report_error(context, error);
+    const bool needs_hint = error.hint().empty() && error.errc() == Errc::usage;
+    return report_error(context, needs_hint ? Error(error.errc(), error.code(), error.what(),
+                                                    error.location(), kUsageHint)
+                                            : error);
   } catch (const std::bad_alloc&) {
-    return report_error(context, Errc::over_limit, "E_MEMORY", "E_MEMORY: not enough memory",
-                        "not enough memory", "a smaller input, or fewer levels", {});
+    return report_error(context, Error(Errc::over_limit, "E_MEMORY", "not enough memory", {},
+                                       "a smaller input, or fewer levels"));
   } catch (const std::exception& error) {
-    return report_error(context, Errc::internal, "E_INTERNAL",
-                        std::string("E_INTERNAL: ") + dupin::escaped(error.what()), error.what(),
-                        "this is a bug; please report it with the input", {});
+    return report_error(context, Error(Errc::internal, "E_INTERNAL", dupin::escaped(error.what()),
+                                       {}, "this is a bug; please report it with the input"));
   }
 }
 

@@ -56,7 +56,7 @@ std::pair<double, double> parse_pair(const std::string& text, char separator,
 
 std::string text_of(const std::string& path, const ReadLimits& limits) {
   const FileBytes file = FileBytes::open(path, limits);
-  return std::string(file.bytes().begin(), file.bytes().end());
+  return file.judge(path, [&] { return std::string(file.bytes().begin(), file.bytes().end()); });
 }
 
 // Values of FILE.npy: one a vertex of the input, or levels by vertices of which `level` is taken.

@@ -51,7 +51,7 @@ Stacks compute(LoadedSurface& surface, const StackRequest& request, const Signal
                                               0.25 + 0.7 * static_cast<double>(c + 1) / count);
     stacks.columns.push_back(
         compute_scale_space(op, signal.columns.col(c), stack_options(request), part));
-    require_done(stacks.columns.back().status);
+    context.run.throw_if_cancelled();
   }
   stacks.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return stacks;

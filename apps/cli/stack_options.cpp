@@ -28,8 +28,8 @@ bool is_array_file(const std::string& name) {
 }
 
 SignalColumns signal_from_file(const LoadedSurface& surface, const std::string& path,
-                               const ReadLimits& limits) {
-  const NpyArray array = read_npy(path, limits);
+                               const Context& context) {
+  const NpyArray array = read_npy(path, context.read.limits, context.run);
   const RowMatrixXd& values = array.values;
   if (values.rows() != surface.num_input_vertices) {
     throw Error(Errc::impossible, "E_SIZE",
@@ -115,8 +115,7 @@ DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weigh
 SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& request,
                           Context& context) {
   const SurfaceGraph& graph = surface.graph;
-  if (is_array_file(request.signal))
-    return signal_from_file(surface, request.signal, context.read.limits);
+  if (is_array_file(request.signal)) return signal_from_file(surface, request.signal, context);
   SignalColumns signal;
   signal.to_input = 1.0 / surface.unit;
   if (request.signal == "tensor") {
@@ -126,6 +125,7 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
     }
     const CurvatureField field = estimate_curvature_taubin(
         {graph.points, graph.triangles}, graph.topology, context.run.stage(0.2, 0.25));
+    context.run.throw_if_cancelled();
     signal.columns = curvature_tensor(field);
     return signal;
   }
@@ -136,6 +136,7 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
   }
   signal.columns =
       compute_signal(graph, named->second, request.normal_smoothing, context.run.stage(0.2, 0.25));
+  context.run.throw_if_cancelled();
   if (named->second == Signal::gauss) signal.to_input /= surface.unit;
   return signal;
 }
@@ -146,10 +147,6 @@ ScaleSpaceOptions stack_options(const StackRequest& request) {
   options.filter = request.filter == "heat" ? Filter::heat : Filter::implicit;
   options.tolerance = request.tolerance;
   return options;
-}
-
-void require_done(Status status) {
-  if (status == Status::cancelled) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
 }
 
 }  // namespace dupin::cli

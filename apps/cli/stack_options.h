@@ -42,7 +42,4 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
 /// Options of the library from those of the command line.
 ScaleSpaceOptions stack_options(const StackRequest& request);
 
-/// @throws Error(Errc::interrupted) if the stack was cancelled
-void require_done(Status status);
-
 }  // namespace dupin::cli

@@ -15,10 +15,6 @@ namespace {
 
 using Eigen::Index;
 
-void stop_if_cancelled(const Context& context) {
-  if (context.run.cancelled()) throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
-}
-
 // Points with finite coordinates; the reader has already refused others unless it was told to leave
 // them.
 std::vector<std::int32_t> finite_points(const Points& points) {
@@ -83,8 +79,8 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
   cloud.points = out.graph.points;
   CloudGraphOptions options;
   options.neighbors = neighbors;
-  out.graph = surface_graph(cloud, options, context.run.stage(0.0, 0.4));
-  stop_if_cancelled(context);
+  out.graph = surface_graph(cloud, options, context.run.stage(0.1, 0.2));
+  context.run.throw_if_cancelled();
   return out;
 }
 
@@ -103,8 +99,8 @@ LoadedSurface to_loaded_surface(const PolygonMesh& mesh, const std::string& name
                                 Context& context) {
   HealOptions options;
   options.drop_nonfinite = context.read.drop_nonfinite;
-  HealedSurface healed = heal(mesh, options, context.run.stage(0.0, 0.2));
-  stop_if_cancelled(context);
+  HealedSurface healed = heal(mesh, options, context.run.stage(0.1, 0.2));
+  context.run.throw_if_cancelled();
   context.report(name, healed.warnings);
   LoadedSurface out;
   out.warnings = healed.warnings;
@@ -120,9 +116,18 @@ LoadedSurface to_loaded_surface(const PolygonMesh& mesh, const std::string& name
   return out;
 }
 
-LoadedSurface load_surface(const std::string& path, Context& context, int neighbors) {
-  const SurfaceFile file = read_surface(path, context.read, context.run);
-  stop_if_cancelled(context);
+Error in_file(const Error& error, const std::string& file) {
+  Location location = error.location();
+  const bool has_place = error.errc() != Errc::usage && error.errc() != Errc::interrupted;
+  if (location.file.empty() && has_place) location.file = file;
+  return {error.errc(), error.code(), error.what(), location, error.hint()};
+}
+
+namespace {
+
+LoadedSurface load(const std::string& path, Context& context, int neighbors) {
+  const SurfaceFile file = read_surface(path, context.read, context.run.stage(0.0, 0.1));
+  context.run.throw_if_cancelled();
   context.report(path, file.warnings);
   LoadedSurface out = file.mesh.num_faces() == 0 ? cloud_surface(file, path, context, neighbors)
                                                  : to_loaded_surface(file.mesh, path, context);
@@ -130,6 +135,16 @@ LoadedSurface load_surface(const std::string& path, Context& context, int neighb
   all.append(out.warnings);
   out.warnings = all;
   return out;
+}
+
+}  // namespace
+
+LoadedSurface load_surface(const std::string& path, Context& context, int neighbors) {
+  try {
+    return load(path, context, neighbors);
+  } catch (const Error& error) {
+    throw in_file(error, path);
+  }
 }
 
 }  // namespace dupin::cli

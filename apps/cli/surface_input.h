@@ -29,6 +29,10 @@ struct LoadedSurface {
   Eigen::VectorXd to_input(const Eigen::VectorXd& values, double missing = 0.0) const;
 };
 
+/// `error` with `file` as its place if it has none: what the analysis says of a surface says
+/// nothing of its file. Usage errors and interruptions have no place.
+Error in_file(const Error& error, const std::string& file);
+
 /// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
 /// Warnings go to `context` as well.
 /// @throws Error of read_surface(), heal(), build_cloud_graph(); Errc::interrupted when cancelled

@@ -25,6 +25,7 @@ ColorSignal compute_color_signal(const LoadedSurface& surface, const std::string
     throw InvalidArgument("color \"" + escaped(name, 40) + "\" is unknown");
   }
   const Eigen::VectorXd field = compute_signal(surface.graph, signal, 6, run);
+  run.throw_if_cancelled();
   const double to_input =
       1.0 / (signal == Signal::gauss ? surface.unit * surface.unit : surface.unit);
   out.label = name;
@@ -43,9 +44,7 @@ ColorSignal compute_color_signal(const LoadedSurface& surface, const std::string
   const DiffusionOperator op = umbrella_operator(
       surface.graph.topology.ring, surface.graph.is_mesh() ? &surface.graph.topology : nullptr);
   const ScaleSpace stack = compute_scale_space(op, field, options, run);
-  if (stack.status == Status::cancelled) {
-    throw Error(Errc::interrupted, "E_INTERRUPTED", "interrupted");
-  }
+  run.throw_if_cancelled();
   if (name == "loc") {
     out.values = stack.loc.row(level).transpose() * to_input;
     out.label = "LoC, level " + std::to_string(level);

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Ctrl-C ends a long run at once, with exit status 130 and nothing left behind (G3, G6).
+"""Ctrl-C ends a long run at once, with exit status 130 (143 for SIGTERM) and nothing left
+behind (G3, G6).
 
 usage: interrupt_test.py DUPIN [SECONDS]     SECONDS: longest wait from signal to exit (0.5)
 """
@@ -43,8 +44,9 @@ class Interrupt(Law):
                 break
             seconds, status, out, err = ended
             waits.append((delay, round(seconds, 3)))
-            self.assertEqual(status, 130, err)
+            self.assertEqual(status, 128 + number, err)
             self.assertEqual(json.loads(out)["error"]["code"], "E_INTERRUPTED")
+            self.assertEqual(json.loads(out)["error"]["exit"], status)
             self.assertEqual(sorted(os.listdir(self.folder)), before)
         print("signal after, exit after [s]:", waits)
         self.assertGreaterEqual(len(waits), 2, "the run is too short to be interrupted")
