@@ -6,6 +6,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/io/npz.h"
+#include "dupin/mls/mls_surface.h"
 #include "dupin/surface/curvature.h"
 #include "dupin/surface/laplacian.h"
 
@@ -72,7 +73,7 @@ void add_stack_options(CLI::App& verb, StackRequest& request) {
       ->capture_default_str()
       ->group("Stack");
   verb.add_option("--signal", request.signal,
-                  "height, H, K, k1, k2, tensor (scalespace) or FILE.npy")
+                  "height, H, K, k1, k2, mls-H, mls-K (patches), tensor (scalespace) or FILE.npy")
       ->capture_default_str()
       ->group("Stack");
   verb.add_option("--filter", request.filter, "implicit: the thesis's; heat: exact diffusion")
@@ -129,10 +130,19 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
     signal.columns = curvature_tensor(field);
     return signal;
   }
+  if (request.signal == "mls-H" || request.signal == "mls-K") {
+    const MlsCurvature patches = estimate_curvature_mls(
+        graph.points, graph.normals, {.want_deviations = false}, context.run.stage(0.2, 0.25));
+    context.run.throw_if_cancelled();
+    const bool is_mean = request.signal == "mls-H";
+    signal.columns = is_mean ? patches.field.mean() : patches.field.gauss();
+    if (!is_mean) signal.to_input /= surface.unit;
+    return signal;
+  }
   const auto named = signal_names().find(request.signal);
   if (named == signal_names().end()) {
     throw InvalidArgument("signal is \"" + escaped(request.signal, 40) +
-                          "\", legal: height, H, K, k1, k2, tensor, FILE.npy");
+                          "\", legal: height, H, K, k1, k2, mls-H, mls-K, tensor, FILE.npy");
   }
   signal.columns =
       compute_signal(graph, named->second, request.normal_smoothing, context.run.stage(0.2, 0.25));

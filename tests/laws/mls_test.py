@@ -56,6 +56,18 @@ class Mls(Law):
         answer = self.json_of("curvature", "s.xyz", status=5)  # Taubin needs faces
         self.assertEqual(answer["error"]["code"], "E_NO_FACES")
 
+    def test_patches_are_a_signal_of_the_stack(self):
+        self.dupin("synth", "surface", "--shape", "bumpy-sphere", "--vertices", "4000", "-o", "b.ply")
+        found = self.json_of("keypoints", "b.ply", "--signal", "mls-H", "--rule", "level", "--level", "14")
+        taubin = self.json_of("keypoints", "b.ply", "--signal", "H", "--rule", "level", "--level", "14")
+        near = {k["vertex"] for k in taubin["keypoints"]}
+        # The same smooth surface: most extrema of the two curvatures are within an edge of each other.
+        points = self.points("b.ply")
+        close = sum(min(math.dist(points[k["vertex"]], points[v]) for v in near) < 1.5 * found["mean_edge_length"]
+                    for k in found["keypoints"])
+        self.assertGreater(len(found["keypoints"]), 10)
+        self.assertGreater(close, 0.8 * len(found["keypoints"]))
+
     def test_too_few_points_are_an_answer_of_their_own(self):
         for count, words in ((2, ["mls", "curvature"]), (9, ["mls", "noise"])):
             with open(self.path("few.xyz"), "w", encoding="ascii") as out:
