@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "dupin/math/symmetric3.h"
 
@@ -261,47 +262,55 @@ double PatchFitter::residual(const Ordered& s) const {
   return sum;
 }
 
-// Columns of C = L^-T: the covariance is C (L^-1 S2 L^-T) C^T in scaled coefficients, the degrees
-// of freedom lack the trace of its middle part (E-6).
+// Rows of a matrix at once: x <- L^-1 x, x <- L^-T x. Entries beyond the order are 0 and stay 0.
+void PatchFitter::solve_lower(const Factor& factor, std::size_t order, Factor& x) {
+  for (std::size_t i = 0; i < order; ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      for (std::size_t j = 0; j < 10; ++j) x[i][j] -= factor[i][k] * x[k][j];
+    }
+    for (std::size_t j = 0; j < 10; ++j) x[i][j] *= factor[i][i];
+  }
+}
+
+void PatchFitter::solve_upper(const Factor& factor, std::size_t order, Factor& x) {
+  for (std::size_t i = order; i-- > 0;) {
+    for (std::size_t k = i + 1; k < order; ++k) {
+      for (std::size_t j = 0; j < 10; ++j) x[i][j] -= factor[k][i] * x[k][j];
+    }
+    for (std::size_t j = 0; j < 10; ++j) x[i][j] *= factor[i][i];
+  }
+}
+
+void PatchFitter::transpose(Factor& x) {
+  for (std::size_t i = 0; i < 10; ++i) {
+    for (std::size_t j = 0; j < i; ++j) std::swap(x[i][j], x[j][i]);
+  }
+}
+
+// With S2 = A^T W^2 A the covariance is L^-T (L^-1 S2 L^-T) L^-1 in scaled coefficients, and the
+// degrees of freedom lack the trace of its middle part (E-6).
 void PatchFitter::measure(const PatchMoments& moments, const Ordered& solution,
                           const Factor& factor, const Ordered& scale, PatchParts parts,
                           MlsPatch& patch) {
   const auto order = static_cast<std::size_t>(patch.order);
-  const bool is_uniform = options_.weight == MlsWeight::uniform;
-  const auto solve_lower = [&](Ordered& v) {
-    for (std::size_t i = 0; i < order; ++i) {
-      double sum = v[i];
-      for (std::size_t k = 0; k < i; ++k) sum -= factor[i][k] * v[k];
-      v[i] = sum * factor[i][i];
-    }
-  };
-  const auto solve_upper = [&](Ordered& v) {
-    for (std::size_t i = order; i-- > 0;) {
-      double sum = v[i];
-      for (std::size_t k = i + 1; k < order; ++k) sum -= factor[k][i] * v[k];
-      v[i] = sum * factor[i][i];
-    }
-  };
-  Factor middle{};  // L^-1 S2 L^-T
+  Factor middle{};
   double trace = static_cast<double>(order);
   double total = static_cast<double>(count_);
-  if (!is_uniform) {
+  if (options_.weight == MlsWeight::uniform) {
+    for (std::size_t i = 0; i < order; ++i) middle[i][i] = 1.0;
+  } else {
     total = moments.weight[0][0];
-    trace = 0.0;
-    for (std::size_t j = 0; j < order; ++j) {
-      for (std::size_t i = 0; i < order; ++i) {
-        middle[j][i] =
+    for (std::size_t i = 0; i < order; ++i) {
+      for (std::size_t j = 0; j < order; ++j) {
+        middle[i][j] =
             moments.squared[kPowerX[i] + kPowerX[j]][kPowerY[i] + kPowerY[j]] * scale[i] * scale[j];
       }
-      solve_lower(middle[j]);
     }
-    for (std::size_t i = 0; i < order; ++i) {
-      Ordered row{};
-      for (std::size_t j = 0; j < order; ++j) row[j] = middle[j][i];
-      solve_lower(row);
-      for (std::size_t j = 0; j < order; ++j) middle[j][i] = row[j];
-      trace += row[i];
-    }
+    solve_lower(factor, order, middle);
+    transpose(middle);
+    solve_lower(factor, order, middle);
+    trace = 0.0;
+    for (std::size_t i = 0; i < order; ++i) trace += middle[i][i];
   }
   // As many points as coefficients leave nothing but rounding.
   patch.dof = count_ > patch.order ? std::max(0.0, total - trace) : 0.0;
@@ -311,18 +320,14 @@ void PatchFitter::measure(const PatchMoments& moments, const Ordered& solution,
     patch.dof = 0.0;
   }
   if (parts != PatchParts::covariance) return;
-  if (is_uniform) {
-    for (std::size_t i = 0; i < order; ++i) middle[i][i] = 1.0;
-  }
-  for (std::size_t j = 0; j < order; ++j) solve_upper(middle[j]);  // L^-T middle
+  solve_upper(factor, order, middle);
+  transpose(middle);
+  solve_upper(factor, order, middle);
   for (std::size_t i = 0; i < order; ++i) {
-    Ordered row{};
-    for (std::size_t j = 0; j < order; ++j) row[j] = middle[j][i];
-    solve_upper(row);
     for (std::size_t j = 0; j < order; ++j) {
       const double units = inverse_power_[degree_of(i)] * inverse_power_[degree_of(j)];
       patch.unit_covariance(kThesisPlace[i], kThesisPlace[j]) =
-          row[j] * scale[i] * scale[j] * units;
+          middle[i][j] * scale[i] * scale[j] * units;
     }
   }
 }

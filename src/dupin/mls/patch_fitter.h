@@ -50,6 +50,9 @@ class PatchFitter {
   int factorise(const PatchMoments& moments, int wanted, Factor& factor, Ordered& scale) const;
   void measure(const PatchMoments& moments, const Ordered& solution, const Factor& factor,
                const Ordered& scale, PatchParts parts, MlsPatch& patch);
+  static void solve_lower(const Factor& factor, std::size_t order, Factor& x);
+  static void solve_upper(const Factor& factor, std::size_t order, Factor& x);
+  static void transpose(Factor& x);
   double residual(const Ordered& solution) const;
 
   MlsOptions options_;
