@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <functional>
 
+#include "dupin/base/run_control.h"
+
 namespace dupin {
 
 /// Chebyshev expansions of several functions on [0, s_max] at once:
@@ -10,11 +12,12 @@ namespace dupin {
 ///
 /// `functions(s)` returns the values of all functions at s. The number of nodes is doubled from 64
 /// until the last quarter of every column is below 1e-14 of its largest coefficient, so that what
-/// lies beyond is rounding. Returns the coefficients, #terms by #functions.
-/// @throws InvalidArgument if that is not so with `max_nodes`: a bound from fewer terms would be a
-/// guess Cost: O(nodes^2 #functions) for the cosine sums; 10 ms for 35 functions of 512 terms.
+/// lies beyond is rounding. Returns the coefficients, #terms by #functions; empty when cancelled.
+/// @throws Error(Errc::numerical) E_NOT_CONVERGED if that is not so with `max_nodes`: a bound from
+/// fewer terms would be a guess. Cost: O(nodes (log nodes) #functions) beside the functions.
 Eigen::MatrixXd chebyshev_coefficients(const std::function<Eigen::VectorXd(double)>& functions,
-                                       double s_max, Eigen::Index max_nodes = 1 << 14);
+                                       double s_max, Eigen::Index max_nodes = 1 << 14,
+                                       const RunControl& run = {});
 
 /// Smallest number of leading terms of each column whose tail sum |c| is at most tolerance(l). At
 /// least 1.

@@ -16,6 +16,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr std::size_t kRemembered = 16;
+constexpr Index kMaxNodes = 1 << 14;
 
 bool same(const FilterBankKey& a, const FilterBankKey& b) {
   return a.schedule.num_levels == b.schedule.num_levels &&
@@ -39,9 +40,9 @@ double laplacian_response(const VectorXd& f, const VectorXd& steps, Filter filte
 
 void check(const FilterBankKey& key) {
   validate(key.schedule);
-  if (!std::isfinite(key.spectrum_bound) || key.spectrum_bound <= 0.0 || key.spectrum_bound > 1e6) {
+  if (!std::isfinite(key.spectrum_bound) || key.spectrum_bound <= 0.0) {
     throw InvalidArgument("spectrum_bound is " + std::to_string(key.spectrum_bound) +
-                          ", legal range (0, 1e6]");
+                          ", must be > 0");
   }
   if (!std::isfinite(key.tolerance) || key.tolerance < 1e-14 || key.tolerance > 0.1) {
     throw InvalidArgument("tolerance is " + std::to_string(key.tolerance) +
@@ -72,7 +73,7 @@ void zero_tails(Eigen::MatrixXd& coefficients, const Eigen::VectorXi& length) {
   coefficients.conservativeResize(length.maxCoeff(), Eigen::NoChange);
 }
 
-FilterBank compute(const FilterBankKey& key) {
+FilterBank compute(const FilterBankKey& key, const RunControl& run) {
   const Index num_levels = key.schedule.num_levels;
   const VectorXd steps = time_steps(key.schedule);
   const VectorXd tau = level_scales(key.schedule, ScaleMeasure::exact);
@@ -84,9 +85,10 @@ FilterBank compute(const FilterBankKey& key) {
     }
     return values;
   };
-  const Eigen::MatrixXd all = chebyshev_coefficients(functions, key.spectrum_bound);
+  const Eigen::MatrixXd all = chebyshev_coefficients(functions, key.spectrum_bound, kMaxNodes, run);
 
   FilterBank bank;
+  if (all.size() == 0) return bank;
   bank.levels = all.leftCols(num_levels);
   bank.loc = all.rightCols(num_levels - 1);
   bank.level_length =
@@ -116,7 +118,7 @@ VectorXd transfer_functions(const LevelSchedule& schedule, Filter filter, double
   return values;
 }
 
-std::shared_ptr<const FilterBank> filter_bank(const FilterBankKey& key) {
+std::shared_ptr<const FilterBank> filter_bank(const FilterBankKey& key, const RunControl& run) {
   using Entry = std::pair<FilterBankKey, std::shared_ptr<const FilterBank>>;
   static Guarded<std::list<Entry>> memory;
   check(key);
@@ -128,7 +130,8 @@ std::shared_ptr<const FilterBank> filter_bank(const FilterBankKey& key) {
         return nullptr;
       });
   if (remembered) return remembered;
-  auto bank = std::make_shared<const FilterBank>(compute(key));
+  auto bank = std::make_shared<const FilterBank>(compute(key, run));
+  if (run.cancelled()) return nullptr;
   memory.with([&](std::list<Entry>& entries) {
     entries.emplace_front(key, bank);
     if (entries.size() > kRemembered) entries.pop_back();

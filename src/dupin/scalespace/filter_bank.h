@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <memory>
 
+#include "dupin/base/run_control.h"
 #include "dupin/scalespace/level_schedule.h"
 
 namespace dupin {
@@ -43,12 +44,14 @@ struct FilterBank {
   Eigen::VectorXd loc_error;
 };
 
-/// The bank of `key`, computed once and remembered (the last 16 keys; safe from many threads).
-/// @throws InvalidArgument if the schedule is invalid, the bound is not in (0, 1e6], the tolerance
-/// is not in [1e-14, 0.1], or forward steps
-///   are unstable
-/// Cost: 5-10 ms for 35 levels at the first call.
-std::shared_ptr<const FilterBank> filter_bank(const FilterBankKey& key);
+/// The bank of `key`, computed once and remembered (the last 16 keys; safe from many threads). Null
+/// when cancelled.
+/// @throws InvalidArgument if the schedule is invalid, the bound is not finite and > 0, the
+///   tolerance is not in [1e-14, 0.1], or forward steps are unstable
+/// @throws Error(Errc::numerical) E_NOT_CONVERGED if the spectrum is so wide for these time steps
+///   that 16,384 terms are not enough, as cotan weights of very thin triangles make it
+/// Cost: 1-2 ms for 35 levels at the first call.
+std::shared_ptr<const FilterBank> filter_bank(const FilterBankKey& key, const RunControl& run = {});
 
 /// f_l(s) for all levels, exact: the transfer functions of Eq. 5.21, 5.22 with s = omega^2.
 Eigen::VectorXd transfer_functions(const LevelSchedule& schedule, Filter filter, double s);

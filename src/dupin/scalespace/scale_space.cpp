@@ -195,8 +195,12 @@ BasicScaleSpace<Matrix> compute(const DiffusionOperator& op, const Eigen::Vector
       throw InvalidArgument("signal: value " + std::to_string(v) + " is not finite");
   }
   const auto bank =
-      filter_bank({options.schedule, options.filter, op.spectrum_bound, options.tolerance});
+      filter_bank({options.schedule, options.filter, op.spectrum_bound, options.tolerance}, run);
   BasicScaleSpace<Matrix> result;
+  if (bank == nullptr) {
+    result.status = Status::cancelled;
+    return result;
+  }
   result.lambda = time_steps(options.schedule);
   result.tau = level_scales(options.schedule, ScaleMeasure::exact);
 
