@@ -1,0 +1,233 @@
+#include "dupin/mls/local_scale.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
+#include "dupin/base/random.h"
+#include "dupin/mesh/shapes.h"
+#include "dupin/mls/patch_draws.h"
+
+namespace dupin {
+namespace {
+
+using Eigen::Index;
+using Eigen::RowVector3d;
+
+const AnalyticSurface& ball() {
+  static const AnalyticSurface surface = make_sphere(1.0, 10'000);
+  return surface;
+}
+
+LocalScaleOptions options_for(double sigma) {
+  LocalScaleOptions options;
+  options.draws.sigma = sigma;
+  options.draws.experiments = 8;
+  options.draws.realisations = 50;
+  return options;
+}
+
+LocalScale scale_at(const AnalyticSurface& surface, Index vertex,
+                    const LocalScaleOptions& options) {
+  return find_local_scale(surface.mesh.points, vertex, surface.normals.row(vertex), options);
+}
+
+double height(const PatchVector& b, double x, double y) {
+  PatchVector m;
+  m << x * x * x, x * x * y, x * y * y, y * y * y, x * x, x * y, y * y, x, y, 1.0;
+  return b.dot(m);
+}
+
+// g'(x', y') = g(c x' - s y', s x' + c y') at any place.
+TEST(TurnedPatch, IsTheSameSurfaceInOtherAxes) {
+  Rng rng(1);
+  for (int trial = 0; trial < 20; ++trial) {
+    PatchVector beta;
+    for (double& b : beta) b = rng.uniform(-1.0, 1.0);
+    const double angle = rng.uniform(0.0, 7.0);
+    const double c = std::cos(angle);
+    const double s = std::sin(angle);
+    const PatchVector turned = detail::turned(beta, c, s);
+    for (int i = 0; i < 10; ++i) {
+      const double x = rng.uniform(-1.0, 1.0);
+      const double y = rng.uniform(-1.0, 1.0);
+      EXPECT_NEAR(height(turned, x, y), height(beta, c * x - s * y, s * x + c * y), 1e-13);
+    }
+  }
+}
+
+// With the plane held and uniform weights the coefficients are linear in noise along the normal, so
+// T(beta) has its distribution at any size. M = 400: the bias of a small sample is below the
+// resolution of 100 values. The noise is small, so that curvature is linear as well: T(kappa) of a
+// point with two curvatures has 5 degrees of freedom.
+TEST(ValidatePatchStatistics, LinearDrawsFollowTheChiSquareDistribution) {
+  const AnalyticSurface surface = make_saddle(0.5, {.half_width = 1.0, .num_vertices = 4'000});
+  const Index vertex = 2'345;
+  PatchDrawOptions options;
+  options.sigma = 1e-5;
+  options.experiments = 100;
+  options.realisations = 400;
+  options.refit_plane = false;
+  options.patch.weight = MlsWeight::uniform;
+  const PatchValidation result =
+      validate_patch_statistics(surface.mesh.points, vertex, RowVector3d::Zero(), 60, options);
+  EXPECT_EQ(result.dof_beta, 35.0);
+  EXPECT_EQ(result.dof_kappa, 5.0);
+  EXPECT_LT(result.ks_beta, result.ks_critical);
+  EXPECT_LT(result.ks_kappa, result.ks_critical);
+  EXPECT_NEAR(result.ks_critical, 0.134, 5e-4);
+  EXPECT_NEAR(result.ks_critical_two, 0.192, 5e-4);
+}
+
+// Where noise is of the size of the neighbourhood, curvature is not linear in it: the test says so
+// at the smallest size and no longer at a large one (the left half of Fig. 4.7).
+TEST(ValidatePatchStatistics, FailsForNeighbourhoodsThatNoiseDominates) {
+  PatchDrawOptions options = options_for(0.015).draws;
+  options.experiments = 30;
+  const RowVector3d normal = ball().normals.row(5'000);
+  const auto at = [&](int size) {
+    return validate_patch_statistics(ball().mesh.points, 5'000, normal, size, options);
+  };
+  const PatchValidation small = at(20);
+  const PatchValidation large = at(300);
+  EXPECT_GT(small.ks_kappa, 2.0 * small.ks_critical);
+  EXPECT_LT(large.ks_kappa, large.ks_critical);
+}
+
+// More noise wants more neighbours (Table 4.5), and what is chosen is the first that passes.
+TEST(FindLocalScale, GrowsWithTheNoise) {
+  int previous = 0;
+  for (const double sigma : {0.004, 0.016, 0.04}) {
+    const LocalScale scale = scale_at(ball(), 5'000, options_for(sigma));
+    ASSERT_TRUE(scale.passed()) << sigma;
+    EXPECT_GE(scale.test().neighbors, previous) << sigma;
+    previous = scale.test().neighbors;
+    for (const ScaleTest& test : scale.tests) {
+      const bool passes = test.T_beta <= test.critical_beta && test.T_kappa <= test.critical_kappa;
+      EXPECT_EQ(test.passed, passes);
+      EXPECT_EQ(passes, &test == &scale.test());
+    }
+  }
+  EXPECT_GT(previous, 60);
+}
+
+// No unit enters by default: lengths times 1000 leave every statistic as it is.
+TEST(FindLocalScale, DoesNotDependOnTheUnitOfLength) {
+  LocalScaleOptions options = options_for(0.01);
+  options.stop_at_first_pass = false;
+  options.sizes = {40, 80};
+  const LocalScale unit = scale_at(ball(), 5'000, options);
+  options.draws.sigma *= 1000.0;
+  const LocalScale scaled =
+      find_local_scale(1000.0 * ball().mesh.points, 5'000, ball().normals.row(5'000), options);
+  for (std::size_t i = 0; i < unit.tests.size(); ++i) {
+    EXPECT_NEAR(scaled.tests[i].T_beta, unit.tests[i].T_beta, 1e-6 * unit.tests[i].T_beta);
+    EXPECT_NEAR(scaled.tests[i].T_kappa, unit.tests[i].T_kappa, 1e-6 * unit.tests[i].T_kappa);
+    EXPECT_NEAR(scaled.tests[i].radius, 1000.0 * unit.tests[i].radius, 1e-9);
+  }
+}
+
+// On a plane K vanishes to first order; H alone is tested, and the smallest size passes.
+TEST(FindLocalScale, TestsTheMeanCurvatureAloneOnAPlane) {
+  const AnalyticSurface plane = make_plane({.num_vertices = 2'000});
+  const LocalScale scale = scale_at(plane, 1'000, options_for(0.002));
+  ASSERT_TRUE(scale.passed());
+  EXPECT_EQ(scale.test().rank_kappa, 1);
+  EXPECT_EQ(scale.test().neighbors, 30);
+}
+
+// Noise higher than the bumps it hides: that no size passes is an answer.
+TEST(FindLocalScale, SaysThatNoSizePasses) {
+  const LocalScale scale = scale_at(ball(), 5'000, options_for(0.4));
+  EXPECT_FALSE(scale.passed());
+  EXPECT_EQ(scale.tests.size(), 28U);
+  EXPECT_EQ(scale.test().neighbors, 300);
+}
+
+TEST(FindLocalScales, IsTheSameAtEveryVertexForAnyNumberOfThreads) {
+  const LocalScaleOptions options = options_for(0.01);
+  std::vector<std::int32_t> vertices;
+  for (std::int32_t v = 0; v < 10'000; v += 143) vertices.push_back(v);
+  const int before = thread_count();
+  std::vector<LocalScaleField> fields;
+  for (const int threads : {1, 4}) {
+    set_thread_count(threads);
+    fields.push_back(
+        find_local_scales(ball().mesh.points, ball().normals, vertices, options, RunControl()));
+  }
+  set_thread_count(before);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    EXPECT_EQ(fields[0].scales[i].test().T_kappa, fields[1].scales[i].test().T_kappa);
+    EXPECT_EQ(fields[0].scales[i].chosen, fields[1].scales[i].chosen);
+  }
+  const LocalScale alone = scale_at(ball(), vertices[60], options);
+  EXPECT_EQ(alone.test().T_beta, fields[0].scales[60].test().T_beta);
+}
+
+TEST(FindLocalScales, StopsWhenItIsCancelled) {
+  RunControl run = RunControl::create();
+  run.cancel();
+  const LocalScaleField field =
+      find_local_scales(ball().mesh.points, ball().normals, {1, 2}, options_for(0.01), run);
+  EXPECT_EQ(field.status, Status::cancelled);
+  EXPECT_TRUE(field.scales.empty());
+  EXPECT_EQ(
+      find_local_scale(ball().mesh.points, 1, RowVector3d::Zero(), options_for(0.01), run).status,
+      Status::cancelled);
+}
+
+TEST(FindLocalScale, RefusesWhatItCannotUse) {
+  const auto refuses = [](const LocalScaleOptions& options, Index vertex = 0) {
+    EXPECT_THROW(
+        find_local_scale(ball().mesh.points, vertex, RowVector3d::Zero(), options, RunControl()),
+        InvalidArgument);
+  };
+  refuses(options_for(0.0));
+  refuses(options_for(std::numeric_limits<double>::infinity()));
+  refuses(options_for(0.01), ball().mesh.points.rows());
+  refuses(options_for(0.01), -1);
+  LocalScaleOptions options = options_for(0.01);
+  options.draws.realisations = 34;  // 5 * 7 - 1
+  refuses(options);
+  options = options_for(0.01);
+  options.draws.patch.radius = 0.1;
+  refuses(options);
+  options = options_for(0.01);
+  options.sizes = {40, 40};
+  refuses(options);
+  options.sizes = {9};
+  refuses(options);
+  options = options_for(0.01);
+  options.draws.significance = 1.0;
+  refuses(options);
+  EXPECT_THROW(find_local_scale(make_icosphere(1.0, 0).mesh.points, 0, RowVector3d::Zero(),
+                                options_for(0.01), RunControl()),
+               AnalysisError);
+  EXPECT_THROW(find_local_scales(ball().mesh.points, Points::Zero(3, 3), {}, options_for(0.01)),
+               InvalidArgument);
+  PatchDrawOptions draws = options_for(0.01).draws;
+  draws.experiments = 4;
+  EXPECT_THROW(validate_patch_statistics(ball().mesh.points, 0, RowVector3d::Zero(), 50, draws, {}),
+               InvalidArgument);
+}
+
+// The torus of Fig. 4.10 with R = 1, r = .5: K = cos v / (r (R + r cos v)), H from both radii.
+TEST(ClassifyPoint, FollowsTheDefinitionsOfTheThesis) {
+  EXPECT_EQ(classify_point(-4.0, 0.0, 0.1, 0.1), PointType::hyperbolic);
+  EXPECT_EQ(classify_point(1.333, 1.333, 0.1, 0.1), PointType::elliptic);
+  EXPECT_EQ(classify_point(0.0, 1.0, 0.0, 0.0), PointType::parabolic);
+  EXPECT_EQ(classify_point(0.0, 0.0, 0.0, 0.0), PointType::planar);
+  EXPECT_EQ(classify_point(0.19, -1.0, 0.1, 0.1), PointType::parabolic);
+  EXPECT_EQ(classify_point(0.21, -1.0, 0.1, 0.1), PointType::elliptic);
+  EXPECT_EQ(classify_point(0.21, -1.0, 0.1, 0.1, 3.0), PointType::parabolic);
+  EXPECT_STREQ(point_type_name(PointType::parabolic), "parabolic");
+  EXPECT_THROW(classify_point(std::numeric_limits<double>::infinity(), 0.0, 0.1, 0.1),
+               InvalidArgument);
+  EXPECT_THROW(classify_point(0.0, 0.0, -0.1, 0.1), InvalidArgument);
+}
+
+}  // namespace
+}  // namespace dupin
