@@ -12,7 +12,8 @@ namespace dupin::detail {
 
 using Eigen::Index;
 
-double edge_ratio(const SurfaceGraph& graph, const LevelMatrix& loc, Index level, Index v) {
+SecondDerivatives second_derivatives(const SurfaceGraph& graph, const LevelMatrix& loc, Index level,
+                                     Index v) {
   const Adjacency& ring = graph.topology.ring;
   std::vector<std::int32_t> around(ring.begin(v), ring.end(v));
   for (const std::int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
@@ -22,8 +23,7 @@ double edge_ratio(const SurfaceGraph& graph, const LevelMatrix& loc, Index level
   around.erase(std::unique(around.begin(), around.end()), around.end());
   around.erase(std::remove(around.begin(), around.end(), static_cast<std::int32_t>(v)),
                around.end());
-  constexpr double kEdge = std::numeric_limits<double>::infinity();
-  if (around.size() < 5) return kEdge;
+  if (around.size() < 5) return {};
 
   Eigen::RowVector3d u;
   Eigen::RowVector3d w;
@@ -41,13 +41,21 @@ double edge_ratio(const SurfaceGraph& graph, const LevelMatrix& loc, Index level
     rhs[i] = loc(level, j) - loc(level, v);
   }
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A);
-  if (qr.rank() < 5) return kEdge;
+  if (qr.rank() < 5) return {};
   const Eigen::VectorXd x = qr.solve(rhs);
   const double mean = 0.5 * (x[2] + x[4]);
   const double radius = std::hypot(0.5 * (x[2] - x[4]), x[3]);
-  const double large = std::abs(mean) + radius;
-  const double small = std::abs(mean) - radius;
-  return small > 0.0 ? large / small : kEdge;
+  const double sign = mean < 0.0 ? -1.0 : 1.0;
+  return {true, sign * (std::abs(mean) + radius), sign * (std::abs(mean) - radius)};
+}
+
+double edge_ratio(const SurfaceGraph& graph, const LevelMatrix& loc, Index level, Index v) {
+  const SecondDerivatives d = second_derivatives(graph, loc, level, v);
+  // Different signs: no extremum of the fit.
+  if (!d.is_determined || !(d.large * d.small > 0.0)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return d.large / d.small;
 }
 
 }  // namespace dupin::detail

@@ -48,11 +48,6 @@ void check(const SurfaceGraph& graph, const LevelMatrix& loc, const LevelSchedul
   if (options.top < 0) range("top", options.top, ">= 0");
 }
 
-int finest_level(const LevelSchedule& schedule, const KeypointOptions& options) {
-  if (options.min_level > 0) return options.min_level;
-  return options.rule == KeypointRule::persistent ? std::max(1, 12 * schedule.num_levels / 35) : 1;
-}
-
 // A level whose values are all equal but for rounding has no extrema (plane, perfect sphere).
 std::vector<std::uint8_t> live_levels(const LevelMatrix& loc, double signal_scale) {
   std::vector<std::uint8_t> live(static_cast<size_t>(loc.rows()), 0);
@@ -93,7 +88,9 @@ Keypoint make_keypoint(const ResponseStack& responses, const ScaleLaw& law, Inde
                        double offset, int sign) {
   Keypoint point;
   point.vertex = static_cast<std::int32_t>(vertex);
+  point.scale_vertex = point.vertex;
   point.level = level;
+  point.position_level = level;
   point.tau = law.at(level + offset);
   point.radius = law.radius(point.tau);
   point.response = responses.at(level, vertex);
@@ -145,6 +142,7 @@ std::vector<Keypoint> space_scale_keypoints(const SurfaceGraph& graph,
                                               sign * responses.at(l + 1, v));
         by_level[static_cast<size_t>(l)].push_back(
             make_keypoint(responses, law, v, static_cast<int>(l), offset, sign));
+        by_level[static_cast<size_t>(l)].back().is_scale_peak = true;
       }
     }
   });
@@ -183,6 +181,7 @@ std::vector<Keypoint> persistent_keypoints(const SurfaceGraph& graph,
     Keypoint point = make_keypoint(responses, law, track.vertex[static_cast<size_t>(chosen)],
                                    scale_level, offset, track.sign);
     point.persistence = length;
+    point.is_scale_peak = chosen > 0;
     // Extrema move least at `options.level` (measured under noise), but more than kCoarser levels
     // above its own scale a structure has merged with its neighbours.
     constexpr int kCoarser = 6;
@@ -191,6 +190,7 @@ std::vector<Keypoint> persistent_keypoints(const SurfaceGraph& graph,
     const int read =
         track.coarsest - std::clamp(steady, track.coarsest - length + 1, track.coarsest);
     point.vertex = track.vertex[static_cast<size_t>(read)];
+    point.position_level = track.coarsest - read;
     found.push_back(point);
   }
   return found;
@@ -220,6 +220,12 @@ void filter(const SurfaceGraph& graph, const LevelMatrix& loc, const KeypointOpt
 }
 
 }  // namespace
+
+int finest_level(const LevelSchedule& schedule, const KeypointOptions& options) {
+  if (options.rule == KeypointRule::level) return options.level;
+  if (options.min_level > 0) return options.min_level;
+  return options.rule == KeypointRule::persistent ? std::max(1, 12 * schedule.num_levels / 35) : 1;
+}
 
 VectorXd response_factors(const LevelSchedule& schedule, ScaleMeasure measure) {
   const VectorXd scale = level_scales(schedule, measure);

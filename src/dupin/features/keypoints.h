@@ -57,6 +57,9 @@ struct Keypoint {
   KeypointKind kind = KeypointKind::maximum;
   int persistence = 1;      ///< levels over which it was followed (1 for the other rules)
   double edge_ratio = 0.0;  ///< 1 round .. large edge-like; 0: not computed (max_edge_ratio == 0)
+  std::int32_t scale_vertex = -1;  ///< where `response` was read, at `level`
+  int position_level = 0;          ///< level at which `vertex` is an extremum
+  bool is_scale_peak = false;      ///< the response is largest at `level`: tau was interpolated
 };
 
 /// Keypoints by falling |response| (ties by vertex, then level).
@@ -74,6 +77,9 @@ struct KeypointSet {
 KeypointSet find_keypoints(const SurfaceGraph& graph, const LevelMatrix& loc,
                            const LevelSchedule& schedule, double signal_scale,
                            const KeypointOptions& options = {}, RunControl run = {});
+
+/// Finest level at which find_keypoints() looks for extrema.
+int finest_level(const LevelSchedule& schedule, const KeypointOptions& options);
 
 /// Factor of every level from LoC to the scale-normalised response, L - 1.
 Eigen::VectorXd response_factors(const LevelSchedule& schedule, ScaleMeasure measure);

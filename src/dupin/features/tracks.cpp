@@ -31,20 +31,6 @@ std::vector<Extremum> extrema_of_level(const SurfaceGraph& graph, const LevelMat
   return found;
 }
 
-// Steepest climb (descent for sign < 0) of row `level` from `start`.
-int32_t climb(const Adjacency& ring, const LevelMatrix& loc, Index level, int sign, int32_t start) {
-  const double* row = loc.data() + level * loc.cols();
-  int32_t v = start;
-  for (;;) {
-    int32_t best = v;
-    for (const int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
-      if (sign * row[*j] > sign * row[best]) best = *j;
-    }
-    if (best == v) return v;
-    v = best;
-  }
-}
-
 // For every extremum of the finer level: which track of the coarser one continues into it.
 struct Claim {
   int32_t track = -1;
@@ -59,6 +45,19 @@ bool beats(const Claim& a, const Claim& b) {
 }
 
 }  // namespace
+
+int32_t climb(const Adjacency& ring, const LevelMatrix& loc, Index level, int sign, int32_t start) {
+  const double* row = loc.data() + level * loc.cols();
+  int32_t v = start;
+  for (;;) {
+    int32_t best = v;
+    for (const int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
+      if (sign * row[*j] > sign * row[best]) best = *j;
+    }
+    if (best == v) return v;
+    v = best;
+  }
+}
 
 int ring_extremum(const Adjacency& ring, const LevelMatrix& loc, Index level, Index v) {
   if (ring.valence(v) < 3) return 0;

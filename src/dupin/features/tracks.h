@@ -22,6 +22,10 @@ struct ResponseStack {
 int ring_extremum(const Adjacency& ring, const LevelMatrix& loc, Eigen::Index level,
                   Eigen::Index v);
 
+/// Steepest climb (descent for sign < 0) of row `level` from `start`.
+std::int32_t climb(const Adjacency& ring, const LevelMatrix& loc, Eigen::Index level, int sign,
+                   std::int32_t start);
+
 /// An extremum followed from its coarsest level down: vertex[i] belongs to level coarsest - i.
 struct Track {
   int coarsest = 0;
@@ -37,6 +41,17 @@ std::vector<Track> follow_extrema(const SurfaceGraph& graph, const ResponseStack
                                   const std::vector<std::uint8_t>& is_level_live,
                                   const Eigen::VectorXd& tau, int first, int last,
                                   const RunControl& run);
+
+/// Second derivatives of row `level` at v along and across, in the tangent plane (least squares
+/// over two rings) [unit of the row / squared mean edge]. Not determined: fewer than five
+/// neighbours or collinear ones.
+struct SecondDerivatives {
+  bool is_determined = false;
+  double large = 0.0;  ///< of larger magnitude
+  double small = 0.0;
+};
+SecondDerivatives second_derivatives(const SurfaceGraph& graph, const LevelMatrix& loc,
+                                     Eigen::Index level, Eigen::Index v);
 
 /// Ratio of the larger to the smaller second derivative of row `level` at v in the tangent plane
 /// (least squares over two rings), or infinity when they differ in sign.

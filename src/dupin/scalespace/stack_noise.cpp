@@ -1,0 +1,411 @@
+#include "dupin/scalespace/stack_noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
+#include "dupin/scalespace/replica_steps.h"
+
+namespace dupin {
+namespace {
+
+using detail::kReplicaLanes;
+using detail::ReplicaFields;
+using detail::RowSets;
+using Eigen::Index;
+using Eigen::VectorXd;
+using std::size_t;
+
+// Relative error of a step; it enters the standard deviation by its square.
+constexpr double kStepError = 0.03;
+// Blocks of replicas in memory at once. Fixed, so that sums do not depend on the threads.
+constexpr Index kWave = 4;
+constexpr Index kGrain = 8192;
+// Local factors of F and of LoC, side by side in a row: one for every fourth or fifth level.
+constexpr Index kBands = 8;
+constexpr double kLeastPooling = 4.0;  // squared mean edges
+constexpr int kPoolingLevels = 9;      // up to 1435 squared mean edges
+constexpr double kPoolingError = 0.15;
+constexpr float kCertain = 3.0F;        // standard errors of a logarithm of a variance
+constexpr float kLeastFactor = 1e-12F;  // of the mean variance of a level
+
+using Floats = ReplicaFields::Buffer;
+
+/// An extremum of the noise, until the standard deviations are known.
+struct Candidate {
+  std::int32_t row;
+  std::int32_t level;
+  float value;
+};
+
+struct Worker {
+  ReplicaFields fields;
+  Floats level_squares;  // #V, of the current level
+  Floats loc_squares;
+  std::vector<detail::ReplicaPeak> peaks;
+};
+
+void check(const DiffusionOperator& op, const StackNoiseOptions& options) {
+  validate(options.schedule);
+  if (options.num_replicas < 8 || options.num_replicas > 4096) {
+    throw InvalidArgument("replicas is " + std::to_string(options.num_replicas) +
+                          ", legal range 8 to 4096");
+  }
+  if (!std::isfinite(options.pooling) || options.pooling < 0.0) {
+    throw InvalidArgument("pooling is " + std::to_string(options.pooling) + ", must be >= 0");
+  }
+  const int last = options.schedule.num_levels - 2;
+  if (options.first_searched < 0 || options.last_searched < 0 || options.last_searched > last) {
+    throw InvalidArgument("levels searched are " + std::to_string(options.first_searched) + " to " +
+                          std::to_string(options.last_searched) + ", legal range 0 to " +
+                          std::to_string(last));
+  }
+  if (!options.is_excluded.empty() &&
+      options.is_excluded.size() != static_cast<size_t>(op.num_vertices)) {
+    throw InvalidArgument("is_excluded has " + std::to_string(options.is_excluded.size()) +
+                          " entries, the operator has " + std::to_string(op.num_vertices) +
+                          " vertices");
+  }
+}
+
+class Estimator {
+ public:
+  Estimator(const DiffusionOperator& op, const SignalNoise& signal,
+            const StackNoiseOptions& options, const RunControl& run)
+      : op_(op),
+        signal_(signal),
+        options_(options),
+        run_(run),
+        num_levels_(options.schedule.num_levels),
+        num_blocks_((options.num_replicas + kReplicaLanes - 1) / kReplicaLanes),
+        sets_(detail::make_row_sets(op)),
+        steps_(time_steps(options.schedule)),
+        tau_(level_scales(options.schedule, ScaleMeasure::exact)),
+        polynomials_(detail::step_polynomials(options.schedule, options.filter, op.spectrum_bound,
+                                              kStepError)),
+        candidates_(static_cast<size_t>(num_blocks_ * kReplicaLanes)) {
+    loc_variance_.setZero(num_levels_ - 1, op.num_vertices);
+    if (options.want_levels) level_variance_.setZero(num_levels_, op.num_vertices);
+    last_searched_ = options.last_searched > 0 ? options.last_searched : num_levels_ - 2;
+  }
+
+  StackNoise estimate() {
+    StackNoise result;
+    for (Index wave = 0; wave < num_blocks_; wave += kWave) {
+      if (!run_wave(wave, std::min(num_blocks_, wave + kWave))) {
+        result.status = Status::cancelled;
+        return result;
+      }
+    }
+    const auto count = static_cast<float>(num_blocks_ * kReplicaLanes);
+    loc_variance_ /= count;
+    level_variance_ /= count;
+    pool();
+    to_deviation(loc_variance_);
+    to_deviation(level_variance_);
+    result.maxima = maxima();
+    const double unit = signal_.unit;
+    result.loc_sd = to_vertices(loc_variance_, unit);
+    result.level_sd = to_vertices(level_variance_, unit);
+    run_.report(1.0);
+    return result;
+  }
+
+ private:
+  void load(Worker& worker, Index block) const {
+    const ReplicaBlock drawn = signal_.draw(block);
+    if (drawn.rows() != op_.num_vertices) {
+      throw InvalidArgument("the signal noise has " + std::to_string(drawn.rows()) +
+                            " values, the operator has " + std::to_string(op_.num_vertices) +
+                            " vertices");
+    }
+    const auto size = static_cast<size_t>(sets_.num_rows * kReplicaLanes);
+    for (Floats* buffer :
+         {&worker.fields.level, &worker.fields.next, &worker.fields.even, &worker.fields.odd}) {
+      buffer->resize(size);
+    }
+    for (Index r = 0; r < sets_.num_rows; ++r) {
+      const float* from = drawn.data() + sets_.vertex[static_cast<size_t>(r)] * kReplicaLanes;
+      std::copy(from, from + kReplicaLanes, worker.fields.level.data() + r * kReplicaLanes);
+    }
+    worker.loc_squares.resize(static_cast<size_t>(sets_.num_rows));
+    if (options_.want_levels) worker.level_squares.resize(static_cast<size_t>(sets_.num_rows));
+  }
+
+  // Adds the squares of all blocks, in their order, to one row of variances.
+  static void add_squares(const std::vector<Worker>& workers, Floats Worker::*squares,
+                          LevelMatrixF& variance, Index level) {
+    float* row = variance.data() + level * variance.cols();
+    parallel_for(0, variance.cols(), kGrain, [&](Index first, Index last) {
+      for (const Worker& worker : workers) {
+        const float* from = (worker.*squares).data();
+        for (Index r = first; r < last; ++r) row[r] += from[r];
+      }
+    });
+  }
+
+  bool run_wave(Index first_block, Index last_block) {
+    const Index count = last_block - first_block;
+    std::vector<Worker> workers(static_cast<size_t>(count));
+    const auto for_workers = [&](auto&& action) {
+      parallel_for(0, count, 1, [&](Index first, Index last) {
+        for (Index w = first; w < last; ++w) action(workers[static_cast<size_t>(w)], w);
+      });
+    };
+    for_workers([&](Worker& worker, Index w) {
+      load(worker, first_block + w);
+      if (options_.want_levels) {
+        detail::sum_of_squares(worker.fields.level.data(), sets_.num_rows,
+                               worker.level_squares.data());
+      }
+    });
+    if (options_.want_levels) add_squares(workers, &Worker::level_squares, level_variance_, 0);
+    Floats floor;
+    for (Index l = 0; l + 1 < num_levels_; ++l) {
+      if (run_.cancelled()) return false;
+      for_workers([&](Worker& worker, Index) {
+        detail::take_step(sets_, op_.spectrum_bound,
+                          polynomials_->coefficient[static_cast<size_t>(l)], steps_[l],
+                          worker.fields);
+        detail::sum_of_squares(worker.fields.loc, sets_.num_rows, worker.loc_squares.data());
+        if (options_.want_levels) {
+          detail::sum_of_squares(worker.fields.level.data(), sets_.num_rows,
+                                 worker.level_squares.data());
+        }
+      });
+      add_squares(workers, &Worker::loc_squares, loc_variance_, l);
+      if (options_.want_levels)
+        add_squares(workers, &Worker::level_squares, level_variance_, l + 1);
+      if (l >= options_.first_searched && l <= last_searched_) {
+        set_floor(l, last_block, floor);
+        for_workers([&](Worker& worker, Index w) { collect(worker, first_block + w, l, floor); });
+      }
+      run_.report(0.9 *
+                  (static_cast<double>(first_block) +
+                   static_cast<double>(count) * tau_[l + 1] / tau_[num_levels_ - 1]) /
+                  static_cast<double>(num_blocks_));
+    }
+    return true;
+  }
+
+  // Squares that an extremum must exceed to be remembered: the largest ones decide. On small
+  // surfaces all of them count.
+  void set_floor(Index level, Index num_blocks, Floats& floor) const {
+    const auto replicas = static_cast<float>(num_blocks * kReplicaLanes);
+    const float least = sets_.num_rows < 20'000 ? 0.0F : 2.0F * 2.0F;
+    floor.resize(static_cast<size_t>(sets_.num_rows));
+    const float* sum = loc_variance_.data() + level * loc_variance_.cols();
+    parallel_for(0, sets_.num_rows, kGrain, [&](Index first, Index last) {
+      for (Index r = first; r < last; ++r) {
+        const auto i = static_cast<size_t>(r);
+        const auto v = static_cast<size_t>(sets_.vertex[i]);
+        const bool is_out = sets_.offset[i + 1] - sets_.offset[i] < 3 ||
+                            (!options_.is_excluded.empty() && options_.is_excluded[v] != 0);
+        floor[i] = is_out ? std::numeric_limits<float>::infinity() : least * sum[r] / replicas;
+      }
+    });
+  }
+
+  void collect(Worker& worker, Index block, Index level, const Floats& floor) {
+    worker.peaks.clear();
+    detail::find_peaks(sets_, worker.fields.loc, floor.data(), worker.peaks);
+    for (const detail::ReplicaPeak& peak : worker.peaks) {
+      candidates_[static_cast<size_t>(block * kReplicaLanes + peak.lane)].push_back(
+          {peak.row, static_cast<std::int32_t>(level), peak.value});
+    }
+  }
+
+  // Variances that are pooled together, eight bands of levels each.
+  struct Pooled {
+    LevelMatrixF* variance;
+    Index first_step;  // row 0 belongs to this level of F
+    Index lane;        // of its first band
+    VectorXd mean;     // of every row
+  };
+
+  static Index num_bands(const Pooled& p) { return std::min(kBands, p.variance->rows()); }
+
+  // Row of the variances, possibly between two, that band b stands for.
+  static double centre(const Pooled& p, Index b) {
+    return num_bands(p) == 1
+               ? 0.0
+               : static_cast<double>(b) * static_cast<double>(p.variance->rows() - 1) /
+                     static_cast<double>(num_bands(p) - 1);
+  }
+
+  // Hat functions over the rows that add up to one.
+  static double share(const Pooled& p, Index b, Index row) {
+    const double spacing = num_bands(p) > 1 ? centre(p, 1) : 1.0;
+    return std::max(0.0, 1.0 - std::abs(static_cast<double>(row) - centre(p, b)) / spacing);
+  }
+
+  // Replaces a variance of R replicas by (mean of the level) x (local factor). The logarithm of the
+  // factor is averaged over a few levels, over the surface by diffusion, and interpolated between
+  // the levels: the large variances at a boundary would swamp an average of the factor itself.
+  void pool() {
+    if (options_.pooling == 0.0 || op_.num_vertices == 0) return;
+    std::vector<Pooled> fields{{&loc_variance_, 1, 0, level_means(loc_variance_)}};
+    if (options_.want_levels)
+      fields.push_back({&level_variance_, 0, kBands, level_means(level_variance_)});
+    Floats factor(static_cast<size_t>(sets_.num_rows * kReplicaLanes), 0.0F);
+    VectorXd duration = VectorXd::Zero(kReplicaLanes);
+    for (const Pooled& p : fields) gather_factors(p, factor, duration);
+    smooth(factor, duration);
+    for (const Pooled& p : fields) apply_factors(p, factor);
+  }
+
+  void gather_factors(const Pooled& p, Floats& factor, VectorXd& duration) const {
+    for (Index b = 0; b < num_bands(p); ++b) {
+      const auto level = static_cast<Index>(std::lround(centre(p, b))) + p.first_step;
+      duration[p.lane + b] = std::max(kLeastPooling, options_.pooling * tau_[level]);
+      double total = 0.0;
+      for (Index l = 0; l < p.mean.size(); ++l) total += p.mean[l] > 0.0 ? share(p, b, l) : 0.0;
+      for (Index l = 0; l < p.mean.size(); ++l) {
+        if (!(share(p, b, l) > 0.0) || !(p.mean[l] > 0.0)) continue;
+        const auto weight = static_cast<float>(share(p, b, l) / total);
+        const auto inverse = static_cast<float>(1.0 / p.mean[l]);
+        const float* row = p.variance->data() + l * p.variance->cols();
+        parallel_for(0, sets_.num_rows, kGrain, [&](Index first, Index last) {
+          for (Index r = first; r < last; ++r)
+            factor[static_cast<size_t>(r * kReplicaLanes + p.lane + b)] +=
+                weight * std::log(std::max(kLeastFactor, inverse * row[r]));
+        });
+      }
+    }
+  }
+
+  // What a vertex differs from its surroundings, as far as chance does not explain it: nothing up
+  // to `noise`, nearly all of it far beyond. Keeps the steep layers at boundaries.
+  static float beyond(float difference, float noise) {
+    const float square = difference * difference;
+    return square > noise * noise ? difference * (1.0F - noise * noise / square) : 0.0F;
+  }
+
+  void apply_factors(const Pooled& p, const Floats& factor) const {
+    // The mean logarithm of chi^2 / R with R degrees of freedom is -1 / R.
+    const auto count = static_cast<float>(num_blocks_ * kReplicaLanes);
+    const float bias = std::exp(1.0F / count);
+    const float noise = kCertain * std::sqrt(2.0F / count);
+    parallel_for(0, p.variance->rows(), 1, [&](Index first, Index last) {
+      for (Index l = first; l < last; ++l) {
+        float* row = p.variance->data() + l * p.variance->cols();
+        const double spacing = num_bands(p) > 1 ? centre(p, 1) : 1.0;
+        const Index low = std::min(
+            num_bands(p) - 1, static_cast<Index>(std::floor(static_cast<double>(l) / spacing)));
+        const Index high = std::min(num_bands(p) - 1, low + 1);
+        const auto part = static_cast<float>(high == low ? 0.0 : share(p, high, l));
+        const auto level = static_cast<float>(p.mean[l]);
+        for (Index r = 0; r < sets_.num_rows; ++r) {
+          const float* c = factor.data() + r * kReplicaLanes + p.lane;
+          if (!(row[r] > 0.0F)) continue;
+          const float pooled = (1.0F - part) * c[low] + part * c[high];
+          const float raw = std::log(std::max(kLeastFactor, row[r] / level));
+          row[r] = level * bias * std::exp(pooled + beyond(raw - pooled, noise));
+        }
+      }
+    });
+  }
+
+  // Mean of every level in the inner product of the operator, which diffusion preserves.
+  VectorXd level_means(const LevelMatrixF& variance) const {
+    VectorXd mass(sets_.num_rows);
+    for (Index r = 0; r < sets_.num_rows; ++r)
+      mass[r] = op_.mass[sets_.vertex[static_cast<size_t>(r)]];
+    mass /= mass.sum();
+    VectorXd mean(variance.rows());
+    parallel_for(0, variance.rows(), 1, [&](Index first, Index last) {
+      for (Index l = first; l < last; ++l) mean[l] = variance.row(l).cast<double>().dot(mass);
+    });
+    return mean;
+  }
+
+  // Diffuses every lane of `factor` for about its duration, in steps of a coarse schedule. How
+  // wide an average is need not be exact: large errors of the steps are allowed.
+  void smooth(Floats& factor, const VectorXd& duration) const {
+    const LevelSchedule schedule{kPoolingLevels, kLeastPooling, 1.9};
+    const auto polynomials =
+        detail::step_polynomials(schedule, Filter::implicit, op_.spectrum_bound, kPoolingError);
+    const VectorXd steps = time_steps(schedule);
+    const VectorXd tau = level_scales(schedule, ScaleMeasure::exact);
+    ReplicaFields fields;
+    fields.level = factor;
+    for (Floats* buffer : {&fields.next, &fields.even, &fields.odd}) buffer->resize(factor.size());
+    std::vector<std::uint8_t> is_done(static_cast<size_t>(kReplicaLanes), 0);
+    for (Index l = 0; l < steps.size(); ++l) {
+      detail::take_step(sets_, op_.spectrum_bound, polynomials->coefficient[static_cast<size_t>(l)],
+                        steps[l], fields);
+      for (Index lane = 0; lane < kReplicaLanes; ++lane) {
+        const bool is_last = l + 1 == steps.size();
+        if (is_done[static_cast<size_t>(lane)] != 0 ||
+            (tau[l + 1] < 0.8 * duration[lane] && !is_last))
+          continue;
+        is_done[static_cast<size_t>(lane)] = 1;
+        for (Index r = 0; r < sets_.num_rows; ++r) {
+          const auto i = static_cast<size_t>(r * kReplicaLanes + lane);
+          factor[i] = fields.level[i];
+        }
+      }
+    }
+  }
+
+  static void to_deviation(LevelMatrixF& variance) {
+    parallel_for(0, variance.rows(), 1, [&](Index first, Index last) {
+      for (Index l = first; l < last; ++l)
+        variance.row(l) = variance.row(l).cwiseMax(0.0F).cwiseSqrt();
+    });
+  }
+
+  VectorXd maxima() const {
+    VectorXd largest = VectorXd::Zero(static_cast<Index>(candidates_.size()));
+    for (size_t k = 0; k < candidates_.size(); ++k) {
+      double& most = largest[static_cast<Index>(k)];
+      for (const Candidate& c : candidates_[k]) {
+        const auto sd = static_cast<double>(loc_variance_(c.level, c.row));
+        const double value = std::abs(static_cast<double>(c.value));
+        if (sd > 0.0) most = std::max(most, value / sd);
+      }
+    }
+    return largest;
+  }
+
+  LevelMatrixF to_vertices(const LevelMatrixF& rows, double unit) const {
+    LevelMatrixF result(rows.rows(), rows.cols());
+    const auto factor = static_cast<float>(unit);
+    parallel_for(0, rows.rows(), 1, [&](Index first, Index last) {
+      for (Index l = first; l < last; ++l) {
+        for (Index r = 0; r < rows.cols(); ++r)
+          result(l, sets_.vertex[static_cast<size_t>(r)]) = factor * rows(l, r);
+      }
+    });
+    return result;
+  }
+
+  const DiffusionOperator& op_;
+  const SignalNoise& signal_;
+  const StackNoiseOptions& options_;
+  const RunControl& run_;
+  Index num_levels_;
+  Index num_blocks_;
+  RowSets sets_;
+  VectorXd steps_;
+  VectorXd tau_;
+  std::shared_ptr<const detail::StepPolynomials> polynomials_;
+  Index last_searched_ = 0;
+  LevelMatrixF level_variance_;  // in the order of sets_; sums, then means, then deviations
+  LevelMatrixF loc_variance_;
+  std::vector<std::vector<Candidate>> candidates_;  // of every replica
+};
+
+}  // namespace
+
+StackNoise estimate_stack_noise(const DiffusionOperator& op, const SignalNoise& signal,
+                                const StackNoiseOptions& options, RunControl run) {
+  check(op, options);
+  return Estimator(op, signal, options, run).estimate();
+}
+
+}  // namespace dupin
