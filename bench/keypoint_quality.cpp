@@ -59,7 +59,7 @@ constexpr int kLevel = 20;            // Fig. 5.3
 constexpr int kLevelTolerance = 3;    // two extrema of the space-scale rule are the same structure
 constexpr std::uint64_t kSeed = 100;  // of the first noise
 constexpr std::array<std::pair<int, int>, 5> kBands = {
-    {{1, 5}, {6, 11}, {12, 17}, {18, 23}, {24, 33}}};
+    {{2, 5}, {6, 11}, {12, 17}, {18, 23}, {24, 33}}};
 
 struct Surface {
   std::string name;

@@ -29,14 +29,22 @@ nlohmann::ordered_json summary(const Eigen::VectorXd& values) {
   return {{"min", values.minCoeff()}, {"max", values.maxCoeff()}, {"mean", values.mean()}};
 }
 
-// Values of the estimated vertices only, in the unit of the input.
-Eigen::VectorXd estimated(const CurvatureField& field, const Eigen::VectorXd& values,
-                          double factor) {
-  Eigen::VectorXd kept(values.size() - field.num_skipped);
-  Eigen::Index next = 0;
-  for (Eigen::Index v = 0; v < values.size(); ++v) {
-    if (field.is_estimated[static_cast<std::size_t>(v)] != 0) kept[next++] = factor * values[v];
+// Vertices of the graph that stand for a vertex of the input with an estimate: where the surface
+// was cut, one of its vertices is several of the graph.
+std::vector<std::int32_t> estimated_vertices(const LoadedSurface& surface,
+                                             const CurvatureField& field) {
+  std::vector<std::int32_t> kept;
+  for (const std::int32_t a : surface.analysis_vertex) {
+    if (a >= 0 && field.is_estimated[static_cast<std::size_t>(a)] != 0) kept.push_back(a);
   }
+  return kept;
+}
+
+Eigen::VectorXd estimated(const std::vector<std::int32_t>& vertices, const Eigen::VectorXd& values,
+                          double factor) {
+  Eigen::VectorXd kept(static_cast<Eigen::Index>(vertices.size()));
+  for (Eigen::Index i = 0; i < kept.size(); ++i)
+    kept[i] = factor * values[vertices[static_cast<std::size_t>(i)]];
   return kept;
 }
 
@@ -123,28 +131,25 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
   const CurvatureField& field = estimate.field;
   const double h = 1.0 / surface.unit;
   const double k = h * h;
-  const Eigen::VectorXd H = estimated(field, field.mean(), h);
-  const Eigen::VectorXd K = estimated(field, field.gauss(), k);
+  const std::vector<std::int32_t> vertices = estimated_vertices(surface, field);
+  const Eigen::VectorXd H = estimated(vertices, field.mean(), h);
+  const Eigen::VectorXd K = estimated(vertices, field.gauss(), k);
   if (H.size() == 0) {
     throw AnalysisError("E_ALL_DEGENERATE", request.method == "taubin"
                                                 ? "no vertex has a face of positive area"
                                                 : "no neighbourhood determines a second degree");
   }
-  if (!std::isfinite(K.sum()) || !std::isfinite(H.sum())) {
-    throw Error(Errc::numerical, "E_RANGE", "the curvature is too large for a double",
-                {request.mesh, 0, -1}, "use a larger unit of length");
-  }
+  require_range(std::isfinite(K.sum()) && std::isfinite(H.sum()), "the curvature", request.mesh);
   if (!request.output.empty()) write_curvature(surface, estimate, h, k, request.output);
-  const Eigen::Index skipped = surface.num_input_vertices - H.size();
   nlohmann::ordered_json document = {{"mean", {{"H", summary(H)}, {"K", summary(K)}}},
-                                     {"skipped_vertices", std::max<Eigen::Index>(skipped, 0)},
+                                     {"skipped_vertices", surface.num_input_vertices - H.size()},
                                      {"method", request.method}};
   if (estimate.has_deviations()) {
     const MlsCurvature& patches = estimate.patches;
-    document["mean"]["H_sd"] = summary(estimated(field, patches.mean_sd, h));
-    document["mean"]["K_sd"] = summary(estimated(field, patches.gauss_sd, k));
+    document["mean"]["H_sd"] = summary(estimated(vertices, patches.mean_sd, h));
+    document["mean"]["K_sd"] = summary(estimated(vertices, patches.gauss_sd, k));
     document["mean"]["normal_sd_degrees"] =
-        summary(estimated(field, patches.normal_sd_rad, kDegrees));
+        summary(estimated(vertices, patches.normal_sd_rad, kDegrees));
     document["orders"] = count_orders(patches.order);
   }
   document["warnings"] = to_json(surface.warnings);
@@ -154,7 +159,7 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
   context.say(
       fmt::format("K  min {:.6g}  mean {:.6g}  max {:.6g}", K.minCoeff(), K.mean(), K.maxCoeff()));
   if (estimate.has_deviations()) {
-    const Eigen::VectorXd sd = estimated(field, estimate.patches.mean_sd, h);
+    const Eigen::VectorXd sd = estimated(vertices, estimate.patches.mean_sd, h);
     context.say(fmt::format("standard deviation of H  min {:.3g}  mean {:.3g}  max {:.3g}",
                             sd.minCoeff(), sd.mean(), sd.maxCoeff()));
   }

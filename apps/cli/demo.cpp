@@ -57,6 +57,7 @@ struct Timing {
   double stack = 0.0;
   double keypoints = 0.0;
   double pictures = 0.0;
+  WarningList warnings;
 };
 
 /// What the chain computed of one subject, in the unit of the input.
@@ -144,6 +145,7 @@ Analysis analyse(const Subject& subject, Timing& timing, Context& context) {
   const SurfaceGraph& graph = out.surface.graph;
   out.mean_edge = graph.mean_edge * out.surface.unit;
   timing.name = subject.title;
+  timing.warnings = out.surface.warnings;
   timing.vertices = graph.points.rows();
   timing.faces = graph.triangles.rows();
   Watch watch;
@@ -367,7 +369,8 @@ void demo(const Settings& settings, Context& context) {
                                      {{"signal", t.signal},
                                       {"scale_space", t.stack},
                                       {"keypoints", t.keypoints},
-                                      {"pictures", t.pictures}}}});
+                                      {"pictures", t.pictures}}},
+                                    {"warnings", to_json(t.warnings)}});
   }
   context.print_json(document);
 }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 
@@ -32,16 +34,48 @@ struct Found {
   Eigen::VectorXd tau;
   KeypointSet set;
   double response_unit = 1.0;  // input unit of a local response
+  bool is_thesis = false;      // radius t e: t is told beside tau
 };
 
-// "thesis": everything as the thesis has it (chapter 5.1 and 5.2).
-void apply_preset(KeypointRequest& request) {
+// "thesis": everything as the thesis has it (chapter 5.1 and 5.2). An option that says otherwise
+// contradicts it.
+void apply_preset(const CLI::App& verb, KeypointRequest& request) {
   if (request.preset != "thesis") return;
-  request.stack.signal = "H";
-  request.stack.weights = "umbrella";
-  request.stack.filter = "implicit";
-  request.rule = "space-scale";
-  request.radius = "thesis";
+  const auto set = [&](const char* option, std::string& value, const char* wanted) {
+    if (verb.count(option) > 0 && value != wanted) {
+      throw InvalidArgument(fmt::format("{} {} contradicts --preset thesis, which means {} {}",
+                                        option, escaped(value, 40), option, wanted),
+                            "leave one of them out");
+    }
+    value = wanted;
+  };
+  set("--signal", request.stack.signal, "H");
+  set("--weights", request.stack.weights, "umbrella");
+  set("--filter", request.stack.filter, "implicit");
+  set("--rule", request.rule, "space-scale");
+  set("--radius", request.radius, "thesis");
+}
+
+// What can be refused without looking at the surface. The default level may lie beyond a short
+// stack: then rule persistent reads the position at the coarsest level there is.
+void check(const CLI::App& verb, const KeypointRequest& request) {
+  validate(request.stack.schedule);
+  const int coarsest = request.stack.schedule.num_levels - 2;
+  const auto require = [&](const char* name, int level, int low) {
+    if (level >= low && level <= coarsest) return;
+    throw InvalidArgument(fmt::format("{} is {}, legal range {} to {} of {} levels", name, level,
+                                      low, coarsest, request.stack.schedule.num_levels));
+  };
+  if (request.rule == "level") {
+    require("level", request.options.level, 1);
+  } else if (verb.count("--level") > 0) {
+    require("level", request.options.level, 0);
+  }
+  require("min-level", request.options.min_level, 0);
+  if (request.stack.signal == "tensor") {
+    throw InvalidArgument("keypoints need one value a vertex, the signal tensor has 6",
+                          "--signal H");
+  }
 }
 
 KeypointOptions library_options(const KeypointRequest& request) {
@@ -52,6 +86,16 @@ KeypointOptions library_options(const KeypointRequest& request) {
   options.rule = rules.at(request.rule);
   options.measure = request.radius == "thesis" ? ScaleMeasure::thesis : ScaleMeasure::exact;
   return options;
+}
+
+void require_finite(const Found& found, const std::string& file) {
+  const double unit = found.surface.unit;
+  const bool is_finite =
+      std::all_of(found.set.keypoints.begin(), found.set.keypoints.end(), [&](const Keypoint& p) {
+        return std::isfinite(p.response * found.response_unit) && std::isfinite(p.radius * unit);
+      });
+  require_range(is_finite && std::isfinite(found.surface.graph.mean_edge * unit), "the response",
+                file);
 }
 
 Found find(Context& context, const KeypointRequest& request) {
@@ -71,9 +115,13 @@ Found find(Context& context, const KeypointRequest& request) {
   context.run.throw_if_cancelled();
   found.tau = stack.tau;
   const double scale = signal.columns.size() > 0 ? signal.columns.cwiseAbs().maxCoeff() : 0.0;
-  found.set = find_keypoints(found.surface.graph, stack.loc, request.stack.schedule, scale,
-                             library_options(request), context.run.stage(0.9, 1.0));
+  KeypointOptions wanted = library_options(request);
+  wanted.contrast_power = signal.length_power;
+  found.set = find_keypoints(found.surface.graph, stack.loc, request.stack.schedule, scale, wanted,
+                             context.run.stage(0.9, 1.0));
   context.run.throw_if_cancelled();
+  found.is_thesis = request.radius == "thesis";
+  require_finite(found, request.stack.mesh);
   return found;
 }
 
@@ -98,6 +146,7 @@ Json document_of(const Found& found) {
                     {"persistence", p.persistence},
                     {"snr", nullptr},
                     {"p_value", nullptr}});
+    if (found.is_thesis) list.back()["t"] = p.t;
   }
   return {{"mean_edge_length", found.surface.graph.mean_edge * found.surface.unit},
           {"tau", std::vector<double>(found.tau.data(), found.tau.data() + found.tau.size())},
@@ -162,8 +211,9 @@ void write(const Found& found, const std::string& path) {
   }
 }
 
-void run_keypoints(Context& context, KeypointRequest& request) {
-  apply_preset(request);
+void run_keypoints(const CLI::App& verb, Context& context, KeypointRequest& request) {
+  apply_preset(verb, request);
+  check(verb, request);
   if (!request.output.empty()) {
     const std::string extension = extension_of(request.output);
     if (extension != ".ply" && extension != ".json" && extension != ".csv") {
@@ -220,12 +270,13 @@ void add_keypoints(CLI::App& app, Context& context) {
                    "Levels over which an extremum must be followed")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  verb->add_option("--min-contrast", options.min_contrast, "Smallest |response| times radius")
-      ->check(CLI::Range(0.0, 1e300))
+  verb->add_option("--min-contrast", options.min_contrast,
+                   "Smallest |response| times radius (K: its square; FILE.npy: |response|)")
+      ->check(in_range(0.0, 1e300))
       ->capture_default_str();
   verb->add_option("--max-edge-ratio", options.max_edge_ratio,
                    "Remove responses more edge-like than this; 0: keep")
-      ->check(CLI::Range(0.0, 1e300))
+      ->check(in_range(0.0, 1e300))
       ->capture_default_str();
   verb->add_option("--top", options.top, "Keep the N strongest; 0: all")
       ->check(CLI::Range(Index{0}, Index{1} << 31))
@@ -237,7 +288,7 @@ void add_keypoints(CLI::App& app, Context& context) {
                    "thesis: signal H, space-scale rule, scales and radii of the thesis")
       ->check(CLI::IsMember({"thesis"}));
   verb->add_option("-o,--output", request->output, "Keypoints to write: .ply, .json or .csv");
-  verb->callback([request, &context] { run_keypoints(context, *request); });
+  verb->callback([request, verb, &context] { run_keypoints(*verb, context, *request); });
 }
 
 }  // namespace dupin::cli

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <memory>
 #include <sstream>
+#include <string_view>
 
 #include "context.h"
 #include "dupin/base/error.h"
@@ -117,48 +119,92 @@ std::vector<DrawnKeypoint> read_keypoints(const std::string& path, const ReadLim
   return out;
 }
 
-// The "v" and "l" lines of an OBJ file; whatever else it holds is no line.
-std::vector<ScenePolyline> read_lines(const std::string& path, double width,
-                                      const ReadLimits& limits) {
-  std::istringstream in(text_of(path, limits));
-  in.imbue(std::locale::classic());
-  std::vector<Eigen::RowVector3d> points;
-  std::vector<ScenePolyline> out;
-  std::string line;
-  std::int64_t number = 0;
-  while (std::getline(in, line)) {
-    ++number;
-    std::istringstream words(line);
-    words.imbue(std::locale::classic());
-    std::string word;
-    words >> word;
-    if (word == "v") {
-      Eigen::RowVector3d p;
-      if (!(words >> p[0] >> p[1] >> p[2])) {
-        throw IoError(Errc::malformed, "E_SYNTAX", "a vertex needs three numbers",
-                      {path, number, -1});
-      }
-      points.push_back(p);
-    } else if (word == "l") {
-      std::vector<std::int64_t> index;
-      for (std::int64_t i = 0; words >> i;) index.push_back(i);
-      ScenePolyline polyline;
-      polyline.points.resize(static_cast<Eigen::Index>(index.size()), 3);
-      for (std::size_t k = 0; k < index.size(); ++k) {
-        const auto count = static_cast<std::int64_t>(points.size());
-        const std::int64_t i = index[k] < 0 ? count + index[k] : index[k] - 1;
-        if (i < 0 || i >= count) {
-          throw IoError(Errc::malformed, "E_INDEX_RANGE",
-                        fmt::format("a line uses vertex {} of {}", index[k], count),
-                        {path, number, -1});
-        }
-        polyline.points.row(static_cast<Eigen::Index>(k)) = points[static_cast<std::size_t>(i)];
-      }
-      polyline.thickness_px = Eigen::VectorXd::Constant(1, width);
-      out.push_back(polyline);
+// Number at the start of `word`, of which `rest` is what follows; false if there is none.
+template <class Number>
+bool starts_with_number(std::string_view word, Number& value, std::string_view& rest) {
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc()) return false;
+  rest = word.substr(static_cast<std::size_t>(end - word.data()));
+  return true;
+}
+
+// The "v" and "l" lines of an OBJ file; whatever else it holds is no line. A corner is a vertex, or
+// vertex/texture, whose second part is ignored.
+class LineReader {
+ public:
+  LineReader(const std::string& path, double width) : path_(path), width_(width) {}
+
+  void read(const std::string& text) {
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) {
+      ++number_;
+      std::istringstream words(line);
+      std::string word;
+      words >> word;
+      if (word == "v") add_point(words);
+      if (word == "l") add_polyline(words);
     }
   }
-  return out;
+  std::vector<ScenePolyline> take() { return std::move(lines_); }
+
+ private:
+  [[noreturn]] void fail(const char* code, const std::string& message) const {
+    throw IoError(Errc::malformed, code, message, {path_, number_, -1});
+  }
+
+  void add_point(std::istringstream& words) {
+    Eigen::RowVector3d p;
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      std::string word;
+      std::string_view rest;
+      if (!(words >> word) || !starts_with_number(word, p[k], rest) || !rest.empty() ||
+          !std::isfinite(p[k])) {
+        fail("E_SYNTAX", "a vertex needs three numbers");
+      }
+    }
+    points_.push_back(p);
+  }
+
+  std::size_t corner(const std::string& word) const {
+    std::int64_t given = 0;
+    std::int64_t texture = 0;
+    std::string_view rest;
+    if (!starts_with_number(word, given, rest) ||
+        (!rest.empty() && (rest.front() != '/' ||
+                           !starts_with_number(rest.substr(1), texture, rest) || !rest.empty()))) {
+      fail("E_SYNTAX", "\"" + escaped(word, 40) + "\" is no corner of a line");
+    }
+    const auto count = static_cast<std::int64_t>(points_.size());
+    const std::int64_t index = given < 0 ? count + given : given - 1;
+    if (index < 0 || index >= count)
+      fail("E_INDEX_RANGE", fmt::format("a line uses vertex {} of {}", given, count));
+    return static_cast<std::size_t>(index);
+  }
+
+  void add_polyline(std::istringstream& words) {
+    std::vector<std::size_t> index;
+    for (std::string word; words >> word;) index.push_back(corner(word));
+    if (index.size() < 2) fail("E_SYNTAX", "a line needs two vertices or more");
+    ScenePolyline polyline;
+    polyline.points.resize(static_cast<Eigen::Index>(index.size()), 3);
+    for (std::size_t k = 0; k < index.size(); ++k)
+      polyline.points.row(static_cast<Eigen::Index>(k)) = points_[index[k]];
+    polyline.thickness_px = Eigen::VectorXd::Constant(1, width_);
+    lines_.push_back(polyline);
+  }
+
+  std::string path_;
+  double width_;
+  std::int64_t number_ = 0;
+  std::vector<Eigen::RowVector3d> points_;
+  std::vector<ScenePolyline> lines_;
+};
+
+std::vector<ScenePolyline> read_lines(const std::string& path, double width,
+                                      const ReadLimits& limits) {
+  LineReader reader(path, width);
+  reader.read(text_of(path, limits));
+  return reader.take();
 }
 
 // Balls coloured by their signal-to-noise ratio instead of their kind.
@@ -189,8 +235,12 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::si
   if (is_file) {
     color_by(scene, npy_signal(surface, settings.color, settings.level, context.read.limits));
   } else if (settings.color != "none" && settings.color != "snr") {
-    color_by(scene, compute_color_signal(surface, settings.color, settings.level,
-                                         context.run.stage(0.1, 0.6)));
+    const ColorSignal signal =
+        compute_color_signal(surface, settings.color, settings.level, context.run.stage(0.2, 0.6));
+    require_range(std::all_of(signal.values.data(), signal.values.data() + signal.values.size(),
+                              [](double x) { return std::isfinite(x); }),
+                  "the colour " + settings.color, settings.mesh);
+    color_by(scene, signal);
   }
   if (!settings.keypoints.empty()) {
     auto keypoints = read_keypoints(settings.keypoints, context.read.limits);
@@ -221,8 +271,10 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::si
 void render(const Settings& settings, Context& context) {
   const auto [width, height] = parse_pair(settings.size, 'x', "size");
   RenderOptions options;
-  if (!(width >= 16.0 && width <= 16384.0 && height >= 16.0 && height <= 16384.0)) {
-    throw InvalidArgument("size is outside 16x16 to 16384x16384");
+  if (!(width >= 16.0 && width <= 16384.0 && height >= 16.0 && height <= 16384.0) ||
+      width != std::floor(width) || height != std::floor(height)) {
+    throw InvalidArgument("size is \"" + escaped(settings.size, 40) +
+                          "\", legal: whole numbers from 16x16 to 16384x16384");
   }
   options.width = static_cast<int>(width);
   options.height = static_cast<int>(height);
@@ -233,20 +285,24 @@ void render(const Settings& settings, Context& context) {
   Scene scene;
   Image image;
   std::size_t num_keypoints = 0;
+  Eigen::Index num_vertices = 0;
+  WarningList warnings;
   with_progress(context, "render", [&] {
     const LoadedSurface surface = load_surface(settings.mesh, context);
+    num_vertices = surface.num_input_vertices;
+    warnings = surface.warnings;
     scene = make_scene(surface, settings, num_keypoints, context);
     image = render_surface(scene, options, context.run.stage(0.6, 1.0));
   });
   write_png(settings.output, image);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   context.say(fmt::format("{}: {} vertices, {} faces, {} keypoints, {:.2f} s", settings.output,
-                          scene.surfaces[0].points.rows(), scene.surfaces[0].triangles.rows(),
-                          num_keypoints, seconds.count()));
+                          num_vertices, scene.surfaces[0].triangles.rows(), num_keypoints,
+                          seconds.count()));
   nlohmann::ordered_json document{{"output", settings.output},
                                   {"width", options.width},
                                   {"height", options.height},
-                                  {"vertices", scene.surfaces[0].points.rows()},
+                                  {"vertices", num_vertices},
                                   {"faces", scene.surfaces[0].triangles.rows()},
                                   {"keypoints", num_keypoints},
                                   {"lines", scene.polylines.size()}};
@@ -254,6 +310,7 @@ void render(const Settings& settings, Context& context) {
                           ? nlohmann::ordered_json{scene.scale.range.low, scene.scale.range.high}
                           : nlohmann::ordered_json();
   document["seconds"] = seconds.count();
+  document["warnings"] = to_json(warnings);
   context.print_json(document);
 }
 
@@ -281,18 +338,18 @@ void add_render(CLI::App& app, Context& context) {
   verb->add_option("--largest-ball", settings->largest_ball,
                    "Widest radius drawn as a ball, in percent of the box diagonal; wider ones get "
                    "a pin only")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(in_range(0.0, 1000.0))
       ->capture_default_str();
   verb->add_option("--lines", settings->lines, "OBJ file with l lines to draw");
   verb->add_option("--line-width", settings->line_width, "Width of the lines [px]")
-      ->check(CLI::Range(0.1, 100.0))
+      ->check(in_range(0.1, 100.0))
       ->capture_default_str();
   verb->add_option("--view", settings->view,
                    "front, back, left, right, top, bottom, iso, or AZIMUTH,ELEVATION in degrees")
       ->capture_default_str();
   verb->add_option("--perspective", settings->perspective,
                    "Size of the scene over the distance of the eye; 0: parallel projection")
-      ->check(CLI::Range(0.0, 0.8))
+      ->check(in_range(0.0, 0.8))
       ->capture_default_str();
   verb->add_option("--size", settings->size, "WIDTHxHEIGHT in pixels")->capture_default_str();
   verb->add_option("--map", settings->map, "Colour map (default: by the sign of the values)")

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 
 #include "context.h"
@@ -119,6 +121,12 @@ void run_scalespace(Context& context, const StackRequest& request, const std::st
     arrays.push_back(vector_array("lambda", first.lambda));
     Eigen::VectorXd analysed = Eigen::VectorXd::Ones(surface.graph.points.rows());
     arrays.push_back(vector_array("analysed", surface.to_input(analysed)));
+    for (const NpyArray& array : arrays) {
+      const double* const values = array.values.data();
+      require_range(std::all_of(values, values + array.values.size(),
+                                [](double x) { return std::isfinite(x); }),
+                    "a value of " + array.name, request.mesh);
+    }
     if (!context.run.cancelled()) write_npz(output, arrays);
   });
   const ScaleSpace& first = stacks.columns.front();

@@ -39,6 +39,7 @@ SignalColumns signal_from_file(const LoadedSurface& surface, const std::string& 
                 {path, 0, -1}, "one row for every vertex of the input, in its order");
   }
   SignalColumns signal;
+  signal.length_power = 0;
   signal.columns.resize(surface.graph.points.rows(), values.cols());
   for (Index a = 0; a < signal.columns.rows(); ++a) {
     signal.columns.row(a) = values.row(surface.input_vertex[static_cast<std::size_t>(a)]);
@@ -56,7 +57,7 @@ void add_stack_options(CLI::App& verb, StackRequest& request) {
       ->capture_default_str()
       ->group("Stack");
   verb.add_option("--lambda0", request.schedule.lambda0, "First time step, in squared mean edges")
-      ->check(CLI::PositiveNumber)
+      ->check(in_range(1e-300, 1e9))
       ->capture_default_str()
       ->group("Stack");
   verb.add_option_function<double>(
@@ -82,7 +83,7 @@ void add_stack_options(CLI::App& verb, StackRequest& request) {
       ->group("Stack");
   verb.add_option("--tolerance", request.tolerance,
                   "Truncation error relative to the norm of the signal")
-      ->check(CLI::Range(1e-14, 0.1))
+      ->check(in_range(1e-14, 0.1))
       ->capture_default_str()
       ->group("Stack");
   verb.add_option("--normal-smoothing", request.normal_smoothing,
@@ -147,7 +148,10 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
   signal.columns =
       compute_signal(graph, named->second, request.normal_smoothing, context.run.stage(0.2, 0.25));
   context.run.throw_if_cancelled();
-  if (named->second == Signal::gauss) signal.to_input /= surface.unit;
+  if (named->second == Signal::gauss) {
+    signal.to_input /= surface.unit;
+    signal.length_power = 2;
+  }
   return signal;
 }
 

@@ -30,6 +30,7 @@ DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weigh
 struct SignalColumns {
   Eigen::MatrixXd columns;
   double to_input = 1.0;
+  int length_power = 1;  ///< the signal is 1 / length^length_power; 0 of a file: it is its own unit
 };
 
 /// The signal of `request`: a name of Signal, "tensor" (six columns) or an .npy file with a row for

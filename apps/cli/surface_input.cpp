@@ -123,6 +123,12 @@ Error in_file(const Error& error, const std::string& file) {
   return {error.errc(), error.code(), error.what(), location, error.hint()};
 }
 
+void require_range(bool is_finite, const std::string& what, const std::string& file) {
+  if (is_finite) return;
+  throw Error(Errc::numerical, "E_RANGE", what + " is too large for a double", {file, 0, -1},
+              "use a larger unit of length");
+}
+
 namespace {
 
 LoadedSurface load(const std::string& path, Context& context, int neighbors) {

@@ -33,6 +33,10 @@ struct LoadedSurface {
 /// nothing of its file. Usage errors and interruptions have no place.
 Error in_file(const Error& error, const std::string& file);
 
+/// @throws Error(Errc::numerical) E_RANGE unless `is_finite`, which says so of all results of
+/// `file` in its own unit
+void require_range(bool is_finite, const std::string& what, const std::string& file);
+
 /// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
 /// Warnings go to `context` as well.
 /// @throws Error of read_surface(), heal(), build_cloud_graph(); Errc::interrupted when cancelled

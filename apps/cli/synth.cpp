@@ -126,13 +126,13 @@ void add_synth(CLI::App& app, Context& context) {
       ->check(CLI::Range(std::int64_t{12}, std::int64_t{20'000'000}))
       ->capture_default_str();
   surface->add_option("--noise", request->noise, "Noise in percent of the mean edge length")
-      ->check(CLI::Range(0.0, 1e6))
+      ->check(in_range(0.0, 1e6))
       ->capture_default_str();
   surface->add_option("--noise-model", request->noise_model, "Direction of the noise")
       ->check(CLI::IsMember({"normal", "isotropic", "directional"}))
       ->capture_default_str();
   surface->add_option("--jitter", request->jitter, "Irregularity of plane samplings, in spacings")
-      ->check(CLI::Range(0.0, 0.4))
+      ->check(in_range(0.0, 0.4))
       ->capture_default_str();
   surface->add_option("-o,--output", request->output, "Surface to write")->required();
   surface->callback([request, &context] { synth_surface(context, *request); });

@@ -97,5 +97,5 @@ def write_ply(path, points, faces):
             out.write(struct.pack("<B3i", 3, *face))
 
 
-__all__ = ["DUPIN", "Law", "become_nobody", "json", "math", "os", "random", "read_ply", "run",
+__all__ = ["DUPIN", "Law", "become_nobody", "json", "math", "os", "random", "read_ply", "run", "struct",
            "write_ply"]

@@ -41,6 +41,8 @@ void check(const SurfaceGraph& graph, const LevelMatrix& loc, const LevelSchedul
   if (options.min_persistence < 1) range("min_persistence", options.min_persistence, ">= 1");
   if (!std::isfinite(options.min_contrast) || options.min_contrast < 0.0)
     range("min_contrast", options.min_contrast, ">= 0");
+  if (options.contrast_power < 0 || options.contrast_power > 2)
+    range("contrast_power", options.contrast_power, "0 to 2");
   if (!std::isfinite(options.max_edge_ratio) ||
       (options.max_edge_ratio != 0.0 && options.max_edge_ratio < 1.0)) {
     range("max_edge_ratio", options.max_edge_ratio, "0 or >= 1");
@@ -72,9 +74,10 @@ struct ScaleLaw {
   VectorXd scale;  // L
   bool is_exact;
   double mean_edge;
+  VectorXd tau;  // L, exact
 
   // Scale at a fractional level: geometric between levels, whose steps are geometric.
-  double at(double level) const {
+  static double at(const VectorXd& scale, double level) {
     const auto l = static_cast<Index>(std::floor(level));
     const double part = level - static_cast<double>(l);
     if (part == 0.0 || l + 1 >= scale.size()) return scale[l];
@@ -91,8 +94,9 @@ Keypoint make_keypoint(const ResponseStack& responses, const ScaleLaw& law, Inde
   point.scale_vertex = point.vertex;
   point.level = level;
   point.position_level = level;
-  point.tau = law.at(level + offset);
-  point.radius = law.radius(point.tau);
+  point.tau = ScaleLaw::at(law.tau, level + offset);
+  point.t = ScaleLaw::at(law.scale, level + offset);
+  point.radius = law.radius(point.t);
   point.response = responses.at(level, vertex);
   point.kind = sign > 0 ? KeypointKind::maximum : KeypointKind::minimum;
   return point;
@@ -200,11 +204,13 @@ void filter(const SurfaceGraph& graph, const LevelMatrix& loc, const KeypointOpt
             std::vector<Keypoint>& points) {
   if (options.min_contrast > 0.0) {
     std::erase_if(points, [&](const Keypoint& p) {
-      return std::abs(p.response) * p.radius < options.min_contrast;
+      return std::abs(p.response) * std::pow(p.radius, options.contrast_power) <
+             options.min_contrast;
     });
   }
   if (options.max_edge_ratio > 0.0) {
-    for (Keypoint& p : points) p.edge_ratio = detail::edge_ratio(graph, loc, p.level, p.vertex);
+    for (Keypoint& p : points)
+      p.edge_ratio = detail::edge_ratio(graph, loc, p.level, p.scale_vertex);
     std::erase_if(points,
                   [&](const Keypoint& p) { return !(p.edge_ratio <= options.max_edge_ratio); });
   }
@@ -223,11 +229,17 @@ void filter(const SurfaceGraph& graph, const LevelMatrix& loc, const KeypointOpt
 
 int finest_level(const LevelSchedule& schedule, const KeypointOptions& options) {
   if (options.rule == KeypointRule::level) return options.level;
-  if (options.min_level > 0) return options.min_level;
-  return options.rule == KeypointRule::persistent ? std::max(1, 12 * schedule.num_levels / 35) : 1;
+  const int first = options.rule == KeypointRule::space_scale ? 2 : 1;
+  if (options.min_level > 0) return std::max(options.min_level, first);
+  return options.rule == KeypointRule::persistent ? std::max(1, 12 * schedule.num_levels / 35)
+                                                  : first;
 }
 
 VectorXd response_factors(const LevelSchedule& schedule, ScaleMeasure measure) {
+  if (measure == ScaleMeasure::variance) {
+    throw InvalidArgument("the measure `variance` has no scale at level 1",
+                          "exact, thesis or spectral");
+  }
   const VectorXd scale = level_scales(schedule, measure);
   const VectorXd steps = time_steps(schedule);
   VectorXd factor(steps.size());
@@ -251,8 +263,8 @@ KeypointSet find_keypoints(const SurfaceGraph& graph, const LevelMatrix& loc,
   }
   const ResponseStack responses{&loc, response_factors(schedule, options.measure)};
   const ScaleLaw law{level_scales(schedule, options.measure),
-                     options.measure == ScaleMeasure::exact, graph.mean_edge};
-  const VectorXd tau = level_scales(schedule, ScaleMeasure::exact);
+                     options.measure == ScaleMeasure::exact, graph.mean_edge,
+                     level_scales(schedule, ScaleMeasure::exact)};
   const std::vector<std::uint8_t> live = live_levels(loc, signal_scale);
   const int finest = finest_level(schedule, options);
   switch (options.rule) {
@@ -263,7 +275,8 @@ KeypointSet find_keypoints(const SurfaceGraph& graph, const LevelMatrix& loc,
       set.keypoints = space_scale_keypoints(graph, responses, law, live, finest, run);
       break;
     case KeypointRule::persistent:
-      set.keypoints = persistent_keypoints(graph, responses, law, tau, live, options, finest, run);
+      set.keypoints =
+          persistent_keypoints(graph, responses, law, law.tau, live, options, finest, run);
       break;
   }
   if (run.cancelled()) {

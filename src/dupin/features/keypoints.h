@@ -36,11 +36,16 @@ struct KeypointOptions {
   ScaleMeasure measure = ScaleMeasure::exact;
   int min_persistence = 6;  ///< persistent: levels over which an extremum must be followed, >= 1
   /// Finest level considered; 0: 1, but for `persistent` 12 of 35 levels (in proportion for other
-  /// numbers), since finer extrema do not survive noise.
+  /// numbers), since finer extrema do not survive noise. For `space_scale` at least 2: the response
+  /// of level 0 is zero everywhere, and an extremum of level 1 would be compared with nothing.
   int min_level = 0;
-  /// Smallest |response| * radius [-], about the height of a structure over its width; 0: all.
+  /// Smallest contrast |response| * radius^contrast_power; 0: all. With the power that makes it
+  /// dimensionless (1 for height, H, k1, k2; 2 for K) it is about the height of a structure over
+  /// its width, and does not depend on the unit of length; 0 for signals that are no length.
   double min_contrast = 0.0;
-  /// Largest ratio of the second derivatives of the response across and along; 0: all.
+  int contrast_power = 1;  ///< 0, 1 or 2
+  /// Largest ratio of the second derivatives of the response across and along, where the response
+  /// was read: at `level` and `scale_vertex` of the keypoint; 0: all.
   double max_edge_ratio = 0.0;
   Eigen::Index top = 0;  ///< keep so many of the largest |response|; 0: all
 };
@@ -49,9 +54,9 @@ struct KeypointOptions {
 struct Keypoint {
   std::int32_t vertex = -1;
   int level = 0;  ///< level of the stack where its scale is
-  /// Scale, interpolated between levels but for KeypointRule::level [squared mean edges; t for
-  /// thesis].
+  /// Diffusion time, interpolated between levels but for KeypointRule::level [squared mean edges].
   double tau = 0.0;
+  double t = 0.0;         ///< the same in the scale number of KeypointOptions::measure
   double radius = 0.0;    ///< of the structure [mu]
   double response = 0.0;  ///< scale-normalised Laplacian at its scale, signed [unit of the signal]
   KeypointKind kind = KeypointKind::maximum;
@@ -72,7 +77,7 @@ struct KeypointSet {
 /// vertices, vertices with fewer than three neighbours and plateaus (an equal neighbour) are no
 /// keypoints; a level whose response deviates nowhere by more than 1e-12 of `signal_scale` (largest
 /// |F^0|) has none.
-/// @throws InvalidArgument if sizes differ or an option is out of range
+/// @throws InvalidArgument if sizes differ, an option is out of range, or as response_factors()
 /// Cost: O(V L valence).
 KeypointSet find_keypoints(const SurfaceGraph& graph, const LevelMatrix& loc,
                            const LevelSchedule& schedule, double signal_scale,
@@ -81,7 +86,8 @@ KeypointSet find_keypoints(const SurfaceGraph& graph, const LevelMatrix& loc,
 /// Finest level at which find_keypoints() looks for extrema.
 int finest_level(const LevelSchedule& schedule, const KeypointOptions& options);
 
-/// Factor of every level from LoC to the scale-normalised response, L - 1.
+/// Factor of every level from LoC to the scale-normalised response, L - 1; 0 at level 0.
+/// @throws InvalidArgument for ScaleMeasure::variance, which has no scale at level 1
 Eigen::VectorXd response_factors(const LevelSchedule& schedule, ScaleMeasure measure);
 
 }  // namespace dupin

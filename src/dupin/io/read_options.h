@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace dupin {
 
@@ -18,6 +19,9 @@ struct ReadLimits {
 
 struct ReadOptions {
   ReadLimits limits;
+  /// Format of standard input where its content does not tell, as an extension does of a file:
+  /// "xyz"
+  std::string stdin_format = {};
   bool drop_nonfinite = false;  ///< leave NaN and Inf in the points for heal() to drop
   double max_depth_jump =
       0.0;  ///< range grids: longest edge kept [mu]; 0: from the grid (see range_grid.h)

@@ -35,7 +35,7 @@ SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOpt
                   "surfaces are PLY, OBJ, OFF, STL, WRL, ABS, BNT, GLB, PCD, XYZ and PTS");
   }
   std::string format = detail::format_by_content(bytes);
-  if (format.empty()) format = detail::surface_extension(name);
+  if (format.empty()) format = name == "-" ? options.stdin_format : detail::surface_extension(name);
   const auto* const parser = std::find_if(std::begin(kParsers), std::end(kParsers),
                                           [&](const Parser& p) { return p.format == format; });
   if (parser == std::end(kParsers)) {
@@ -50,8 +50,10 @@ SurfaceFile parse_content(ByteSpan bytes, const std::string& name, const ReadOpt
 
 SurfaceFile parse_surface(std::span<const std::uint8_t> bytes, const std::string& name,
                           const ReadOptions& options, RunControl run) {
-  // Only a name that says so is unpacked: gzip bytes under another name are a mistake.
-  if (detail::ends_with_gz(name) && bytes.size() >= 2 && bytes[0] == 0x1F && bytes[1] == 0x8B) {
+  // Only a name that says so is unpacked: gzip bytes under another name are a mistake. Standard
+  // input has no name to contradict.
+  if ((name == "-" || detail::ends_with_gz(name)) && bytes.size() >= 2 && bytes[0] == 0x1F &&
+      bytes[1] == 0x8B) {
     return parse_content(detail::gunzip(bytes, name, options.limits), name, options, run);
   }
   return parse_content(bytes, name, options, run);

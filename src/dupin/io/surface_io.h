@@ -25,7 +25,8 @@ struct SurfaceFile {
 };
 
 /// Reads a surface from a file; "-" reads standard input. The content decides the format; the
-/// extension only between formats whose content looks alike (text of bare numbers).
+/// extension, or ReadOptions::stdin_format, only between formats whose content looks alike (text of
+/// bare numbers). Gzip is unpacked where the name ends in .gz, and from standard input.
 ///
 /// Guarantees (contract G1-G3): regular files only (opened without blocking), memory at most 64 MB
 /// + 8 times the size of a binary file or 4 times that of a text, no allocation sized by a number

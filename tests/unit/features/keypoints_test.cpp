@@ -9,6 +9,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
+#include "dupin/features/tracks.h"
 #include "dupin/mesh/shapes.h"
 #include "dupin/mesh/subdivision.h"
 #include "dupin/scalespace/scale_space.h"
@@ -260,6 +261,68 @@ TEST(Keypoints, EdgeLikeResponsesCanBeRemoved) {
   EXPECT_EQ(count(5.0, false), 1);
 }
 
+// Noise alone has some extrema at level 2 that beat levels 1 and 3 as well, and none at level 1:
+// the response of level 0 is zero, so that nothing could lose against it.
+TEST(Keypoints, TheSpaceScaleRuleComparesWithTwoLevels) {
+  const Analysis a = analyse(bumpy().surface.mesh);
+  for (const int min_level : {0, 1, 2}) {
+    for (const ScaleMeasure measure : {ScaleMeasure::exact, ScaleMeasure::thesis}) {
+      const KeypointSet set =
+          find(a, {.rule = KeypointRule::space_scale, .measure = measure, .min_level = min_level});
+      ASSERT_FALSE(set.keypoints.empty());
+      for (const Keypoint& p : set.keypoints) EXPECT_GE(p.level, 2);
+    }
+  }
+  EXPECT_EQ(response_factors({}, ScaleMeasure::exact)[0], 0.0);
+}
+
+// The ratio belongs to the extremum whose response is reported: a keypoint of the persistent rule
+// is placed at another level and may be placed at another vertex.
+TEST(Keypoints, TheEdgeRatioIsReadWhereTheResponseIs) {
+  const Analysis a = analyse(bumpy().surface.mesh);
+  const VectorXd factor = response_factors({}, ScaleMeasure::exact);
+  int moved = 0;
+  for (const Keypoint& p : find(a, {.max_edge_ratio = 1e6}).keypoints) {
+    EXPECT_EQ(p.response, factor[p.level] * a.loc(p.level, p.scale_vertex));
+    EXPECT_EQ(p.edge_ratio, detail::edge_ratio(a.graph, a.loc, p.level, p.scale_vertex));
+    moved += p.scale_vertex != p.vertex ? 1 : 0;
+  }
+  EXPECT_GT(moved, 0);
+}
+
+// A dimensionless contrast keeps the same keypoints in every unit, whatever the power of length in
+// the signal.
+TEST(Keypoints, TheContrastDoesNotDependOnTheUnit) {
+  const Mesh mesh = bumpy().surface.mesh;
+  for (const auto& [signal, power] : {std::pair{Signal::height, 1}, std::pair{Signal::gauss, 2}}) {
+    std::vector<std::int32_t> expected;
+    double limit = 0.0;
+    for (const double unit : {1.0, 0.3, 1.8}) {
+      const SurfaceGraph graph = surface_graph(Mesh{unit * mesh.points, mesh.triangles});
+      const Analysis a = analyse(graph, compute_signal(graph, signal));
+      const auto all = find(a, {}).keypoints;
+      ASSERT_GE(all.size(), 12U);
+      const Keypoint& middle = all[6];
+      if (unit == 1.0) {
+        limit = 0.999 * std::abs(middle.response) * std::pow(middle.radius, power);
+      }
+      std::vector<std::int32_t> kept;
+      for (const Keypoint& p :
+           find(a, {.min_contrast = limit, .contrast_power = power}).keypoints) {
+        kept.push_back(p.vertex);
+      }
+      if (unit == 1.0) expected = kept;
+      EXPECT_LT(kept.size(), all.size());
+      EXPECT_GT(kept.size(), 0U);
+      EXPECT_EQ(kept, expected) << unit;
+    }
+  }
+}
+
+TEST(Keypoints, RefuseAMeasureWithoutAScaleAtLevelOne) {
+  EXPECT_THROW(response_factors({}, ScaleMeasure::variance), InvalidArgument);
+}
+
 // Thesis preset: t_20 = 21.7 and r = t e (Eq. 5.33), response 2 t (F^{l+1} - F^l) / (t_{l+1} - t_l)
 // (Eq. 5.30).
 TEST(Keypoints, TheThesisMeasureFollowsTheThesisToTheLetter) {
@@ -270,8 +333,9 @@ TEST(Keypoints, TheThesisMeasureFollowsTheThesisToTheLetter) {
   const VectorXd t = level_scales({}, ScaleMeasure::thesis);
   const VectorXd lambda = time_steps({});
   for (const Keypoint& p : set.keypoints) {
-    EXPECT_NEAR(p.tau, 21.699, 5e-4);
-    EXPECT_NEAR(p.radius, p.tau * a.graph.mean_edge, 1e-12);
+    EXPECT_NEAR(p.t, 21.699, 5e-4);
+    EXPECT_EQ(p.tau, level_scales({}, ScaleMeasure::exact)[20]);
+    EXPECT_NEAR(p.radius, p.t * a.graph.mean_edge, 1e-12);
     const double difference = lambda[20] * a.loc(20, p.vertex);
     EXPECT_NEAR(p.response, 2.0 * t[20] * difference / (t[21] - t[20]),
                 1e-9 * std::abs(p.response));
