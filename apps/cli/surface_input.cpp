@@ -81,6 +81,14 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
   options.neighbors = neighbors;
   out.graph = surface_graph(cloud, options, context.run.stage(0.1, 0.2));
   context.run.throw_if_cancelled();
+  WarningList of_normals;
+  of_normals.add("W_NORMAL_LENGTH", "a normal", "normals that are no unit vectors were rescaled",
+                 out.graph.num_rescaled_normals);
+  of_normals.add("W_NORMAL_ESTIMATED", "a normal",
+                 "normals that are zero or not finite were estimated",
+                 out.graph.num_estimated_normals);
+  context.report(path, of_normals);
+  out.warnings.append(of_normals);
   return out;
 }
 

@@ -24,13 +24,17 @@ struct CloudGraph {
   Points normals;  ///< #V by 3 unit vectors, one orientation per component
   std::vector<std::uint8_t>
       is_boundary;  ///< #V: its neighbours leave a gap of more than 120 degrees around it
+  Eigen::Index num_rescaled_normals = 0;   ///< given with a length that was off by more than 1 %
+  Eigen::Index num_estimated_normals = 0;  ///< given as zero or not finite, and estimated instead
 };
 
-/// Symmetric k-nearest graph of `cloud`; normals as given, or from a plane fit (smallest principal
+/// Symmetric k-nearest graph of `cloud`; normals as given, made of unit length, or, where none or
+/// none of a length is given, from a plane fit (smallest principal
 /// axis of the neighbourhood, weighted mean as centre) with signs carried along a minimum spanning
 /// tree of 1 - |n_i . n_j| (Hoppe et al., "Surface reconstruction from unorganized points",
 /// SIGGRAPH 1992), started outward at the point of each component that is farthest along +z.
-/// @throws InvalidArgument if an option is out of range, a coordinate is not finite
+/// @throws InvalidArgument if an option is out of range (at most 1000 neighbours), a coordinate is
+/// not finite, there are normals but not one for each point
 /// @throws AnalysisError E_RANGE if a coordinate is beyond 1e150; E_TOO_FEW_POINTS if there are not
 /// more than `neighbors` points Cost: O(V k log V).
 CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& options = {},

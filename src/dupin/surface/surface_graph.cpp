@@ -45,8 +45,11 @@ SurfaceGraph surface_graph(const PointCloud& cloud, const CloudGraphOptions& opt
   graph.triangles.resize(0, 3);
   graph.normals = std::move(built.normals);
   graph.topology.ring = std::move(built.ring);
-  graph.mean_edge = mean_edge_length(cloud.points, graph.topology.ring);
+  if (graph.status != Status::cancelled)
+    graph.mean_edge = mean_edge_length(cloud.points, graph.topology.ring);
   graph.is_guarded = std::move(built.is_boundary);
+  graph.num_rescaled_normals = built.num_rescaled_normals;
+  graph.num_estimated_normals = built.num_estimated_normals;
   return graph;
 }
 

@@ -20,7 +20,9 @@ struct SurfaceGraph {
   Triangles triangles;     ///< #F by 3; empty for a cloud
   MeshTopology topology;   ///< ring of a mesh or neighbour graph of a cloud; faces only for a mesh
   double mean_edge = 0.0;  ///< mean length of the edges of the ring [mu]
-  std::vector<std::uint8_t> is_guarded;  ///< #V: no keypoint here (boundary, split)
+  std::vector<std::uint8_t> is_guarded;    ///< #V: no keypoint here (boundary, split)
+  Eigen::Index num_rescaled_normals = 0;   ///< of a cloud, see CloudGraph
+  Eigen::Index num_estimated_normals = 0;  ///< of a cloud, see CloudGraph
 
   bool is_mesh() const { return triangles.rows() > 0; }
 };

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -109,6 +111,36 @@ TEST(CloudGraph, RefusesTooFewPoints) {
   } catch (const AnalysisError& error) {
     EXPECT_EQ(error.code(), "E_TOO_FEW_POINTS");
   }
+}
+
+// Given normals count as directions only: 1000 times as long, they give the same graph. Those that
+// are zero or not finite are estimated, with the sign of their neighbours, here inward.
+TEST(CloudGraph, NormalsNeedNotBeUnitVectors) {
+  const Mesh sphere = make_sphere(1.0, 2'000).mesh;
+  PointCloud cloud{sphere.points, -1000.0 * sphere.points};
+  const CloudGraph all = build_cloud_graph(cloud);
+  EXPECT_EQ(all.num_rescaled_normals, cloud.points.rows());
+  EXPECT_EQ(all.num_estimated_normals, 0);
+  EXPECT_LE((all.normals + sphere.points).cwiseAbs().maxCoeff(), 1e-12);
+  for (Eigen::Index v = 0; v < cloud.points.rows(); v += 3) {
+    cloud.normals.row(v).setConstant(v % 2 == 0 ? 0.0 : std::nan(""));
+  }
+  const CloudGraph part = build_cloud_graph(cloud);
+  EXPECT_EQ(part.num_estimated_normals, (cloud.points.rows() + 2) / 3);
+  for (Eigen::Index v = 0; v < cloud.points.rows(); ++v) {
+    // A plane through 16 neighbours of a sphere of 2,000 points leans by far less than 10 degrees.
+    EXPECT_LT(part.normals.row(v).dot(sphere.points.row(v)), -0.98) << v;
+    EXPECT_NEAR(part.normals.row(v).norm(), 1.0, 1e-12);
+  }
+  cloud.normals.conservativeResize(5, 3);
+  EXPECT_THROW(build_cloud_graph(cloud), InvalidArgument);
+}
+
+TEST(CloudGraph, RefusesMoreNeighboursThanCanBeCounted) {
+  const PointCloud cloud{make_sphere(1.0, 100).mesh.points, {}};
+  CloudGraphOptions options;
+  options.normal_neighbors = std::numeric_limits<int>::max();
+  EXPECT_THROW(build_cloud_graph(cloud, options), InvalidArgument);
 }
 
 }  // namespace
