@@ -158,23 +158,43 @@ bool Temporary::give_name() {
   }
 }
 
+// Closing may be what tells of a failure (NFS): a second descriptor is closed before the name of
+// the target is given up. The lock stays with the first.
 void Temporary::rename_to(const std::string& target) {
+  const int copy = ::dup(fd_);
+  if (copy >= 0 && ::close(copy) != 0 && errno != EINTR) fail_write(path_, errno);
   if (::rename(name_.c_str(), target.c_str()) != 0) fail_write(path_, errno);
   name_.clear();
   const int fd = std::exchange(fd_, -1);
   if (::close(fd) != 0 && errno != EINTR) fail_write(path_, errno);
 }
 
-// Removes temporaries of this target that no living process holds.
+// "PID-NANOSECONDS-ATTEMPT", as next_name() ends.
+bool is_our_suffix(const char* suffix) {
+  for (int part = 0; part < 3; ++part) {
+    const std::size_t digits = std::strspn(suffix, "0123456789");
+    if (digits == 0 || digits > 10) return false;
+    suffix += digits;
+    if (part < 2 && *suffix++ != '-') return false;
+  }
+  return *suffix == '\0';
+}
+
+// Removes temporaries of this target that no living process holds: regular files of this user with
+// exactly such a name.
 void remove_leftovers(const std::string& directory, const std::string& prefix) {
   const std::unique_ptr<DIR, int (*)(DIR*)> entries(::opendir(directory.c_str()), ::closedir);
   if (entries == nullptr) return;
   while (const dirent* entry = ::readdir(entries.get())) {
     if (std::strncmp(entry->d_name, prefix.c_str(), prefix.size()) != 0) continue;
+    if (!is_our_suffix(entry->d_name + prefix.size())) continue;
     const std::string name = directory + "/" + entry->d_name;
     const int fd = ::open(name.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0) continue;
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(name.c_str());
+    struct stat info {};
+    const bool is_ours = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_nlink == 1 &&
+                         info.st_uid == ::geteuid();
+    if (is_ours && ::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(name.c_str());
     ::close(fd);
   }
 }

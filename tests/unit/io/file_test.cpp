@@ -212,6 +212,23 @@ TEST(FileBytes, ReadsStandardInputWithinTheLimit) {
   }
 }
 
+// Only what this program leaves behind is cleaned up, and of that only what is left behind.
+TEST(WriteFileAtomically, LeavesFilesOfOthersAlone) {
+  const test::TemporaryFolder folder;
+  const char* kept[] = {".a.dupin-notes",     ".a.dupin-",      ".a.dupin-1-2",
+                        ".a.dupin-1-2-3.txt", ".a.dupin-1-2-x", ".a.dupin-12345678901-2-3"};
+  for (const char* name : kept) test::spit(folder / name, "mine");
+  ASSERT_EQ(::symlink("target", (folder / ".a.dupin-7-8-9").c_str()), 0);
+  ASSERT_EQ(::mkfifo((folder / ".a.dupin-7-8-10").c_str(), 0600), 0);
+  test::spit(folder / ".a.dupin-1-2-3", "left by a killed process");
+  EXPECT_EQ(write_code(folder / "a", "text"), "");
+  struct stat info {};
+  for (const char* name : kept) EXPECT_EQ(::lstat((folder / name).c_str(), &info), 0) << name;
+  EXPECT_EQ(::lstat((folder / ".a.dupin-7-8-9").c_str(), &info), 0);
+  EXPECT_EQ(::lstat((folder / ".a.dupin-7-8-10").c_str(), &info), 0);
+  EXPECT_NE(::lstat((folder / ".a.dupin-1-2-3").c_str(), &info), 0);
+}
+
 TEST(WriteFileAtomically, ReplacesTheFileAndLeavesNothingElse) {
   const test::TemporaryFolder folder;
   EXPECT_EQ(write_code(folder / "a", "first"), "");
