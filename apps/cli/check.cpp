@@ -158,6 +158,7 @@ void add_check(CLI::App& app, Context& context) {
       "and the first failure gives the\nexit code. A name that starts with '-' needs './' before "
       "it.");
   add_global_options(*verb, context);
+  add_input_format(*verb, context);
   auto files = std::make_shared<std::vector<std::string>>();
   verb->add_option("FILE", *files, "Surfaces; - reads standard input")->required();
   verb->callback([files, &context] { check(context, *files); });

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -45,7 +46,7 @@ void Context::print_json(const nlohmann::ordered_json& document) const {
 }
 
 void Context::say(const std::string& line) const {
-  if (!json) write_stdout(line + "\n");
+  if (!json && !is_stdout_taken) write_stdout(line + "\n");
 }
 
 void Context::report(const std::string& file, const WarningList& warnings) const {
@@ -148,6 +149,46 @@ void with_progress(Context& context, const std::string& what, const std::functio
   context.run.throw_if_cancelled();
 }
 
+std::string output_format(Context& context, const std::string& path, const std::string& named,
+                          const std::vector<std::string>& legal) {
+  std::string format = named;
+  std::string list;
+  for (const std::string& name : legal) list += (list.empty() ? "" : ", ") + name;
+  if (path == "-") {
+    if (context.json)
+      throw InvalidArgument("-o - and --json both want standard output", "write to a file");
+    if (format.empty() && legal.size() == 1) format = legal.front();
+    if (std::find(legal.begin(), legal.end(), format) == legal.end()) {
+      throw InvalidArgument("-o - has no extension that names its format",
+                            "name it with --format: " + list);
+    }
+    context.is_stdout_taken = true;
+    return format;
+  }
+  const std::size_t dot = path.find_last_of("./");
+  format = dot == std::string::npos || path[dot] == '/' ? "" : path.substr(dot + 1);
+  std::transform(format.begin(), format.end(), format.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  if (std::find(legal.begin(), legal.end(), format) == legal.end()) {
+    throw InvalidArgument("output has the extension \"" + escaped(format, 20) +
+                          "\", legal: " + list);
+  }
+  return format;
+}
+
+const std::vector<std::string>& input_formats() {
+  static const std::vector<std::string> names = {"ply", "obj", "off", "stl", "wrl", "abs",
+                                                 "bnt", "xyz", "pts", "pcd", "glb"};
+  return names;
+}
+
+void add_input_format(CLI::App& verb, Context& context) {
+  verb.add_option("--format", context.read.stdin_format,
+                  "Format of standard input where its content does not tell")
+      ->check(CLI::IsMember(input_formats()));
+}
+
 CLI::Validator in_range(double low, double high) {
   return CLI::Validator(
       [low, high](const std::string& text) {
@@ -166,7 +207,9 @@ void add_global_options(CLI::App& verb, Context& context) {
   verb.add_option("--threads", context.threads,
                   "Threads; the result is the same for every number (default: all)")
       ->check(CLI::Range(1, 1024));
-  verb.add_option("--seed", context.seed, "Seed of everything random")->capture_default_str();
+  verb.add_option("--seed", context.seed, "Seed of everything random")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   verb.add_option("--timeout", context.timeout_seconds, "Give up after so many seconds")
       ->check(in_range(1e-3, 1e9));
   ReadLimits& limits = context.read.limits;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "dupin/base/error.h"
 #include "dupin/base/run_control.h"
@@ -27,6 +28,7 @@ struct Context {
   std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
   std::atomic<bool> timed_out{false};  ///< then `run` is cancelled, and for good
   int exit_code = 0;                   ///< set by a verb whose answer is "no"
+  bool is_stdout_taken = false;        ///< by an output: then nothing is said there
 
   /// Prints `document` on stdout when --json was given (and nothing else ever goes there then).
   void print_json(const nlohmann::ordered_json& document) const;
@@ -44,6 +46,18 @@ nlohmann::ordered_json to_json(const Error& error);
 std::string to_text(const nlohmann::ordered_json& document);
 /// "dupin: FILE:LINE: E_CODE: ..." and the hint, on stderr.
 void tell_error(const Error& error);
+
+/// The format of an output, one of `legal`: the extension of `path` in lower case; for "-",
+/// standard output, `named` by --format, or the only legal one. From then on nothing else is said
+/// there.
+/// @throws InvalidArgument if it is none of them, or --json wants standard output as well
+std::string output_format(Context& context, const std::string& path, const std::string& named,
+                          const std::vector<std::string>& legal);
+
+/// Adds --format: the format of standard input where its content does not tell.
+void add_input_format(CLI::App& verb, Context& context);
+/// The formats that it may name.
+const std::vector<std::string>& input_formats();
 
 /// Accepts numbers in [low, high] and nothing else: CLI::Range lets NaN pass.
 CLI::Validator in_range(double low, double high);

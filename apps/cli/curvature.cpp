@@ -80,11 +80,7 @@ void write_curvature(const LoadedSurface& surface, const Estimate& estimate, dou
     out.properties.push_back(
         {"order", surface.to_input(estimate.patches.order.cast<double>()), true});
   }
-  const SurfaceFormat format = surface_format_of(path);
-  if (format != SurfaceFormat::ply_binary && format != SurfaceFormat::ply_ascii) {
-    throw InvalidArgument("output is not a .ply file", "only PLY carries values at vertices");
-  }
-  write_surface(path, out, format);
+  write_surface(path, out, SurfaceFormat::ply_binary);
 }
 
 Estimate estimate_curvature(const LoadedSurface& surface, const CurvatureRequest& request,
@@ -122,6 +118,7 @@ nlohmann::ordered_json count_orders(const Eigen::VectorXi& order) {
 }  // namespace
 
 void run_curvature(Context& context, const CurvatureRequest& request) {
+  if (!request.output.empty()) output_format(context, request.output, "", {"ply"});
   LoadedSurface surface;
   Estimate estimate;
   with_progress(context, "curvature", [&] {
@@ -196,6 +193,7 @@ void add_curvature(CLI::App& app, Context& context) {
       "mls\n\nThe PLY carries k1 >= k2, H = (k1 + k2) / 2 > 0 on a sphere, K = k1 k2 and the "
       "directions d1, d2; with mls and jet also the standard deviations H_sd, K_sd.");
   add_global_options(*verb, context);
+  add_input_format(*verb, context);
   auto request = std::make_shared<CurvatureRequest>();
   verb->add_option("MESH", request->mesh, "Surface; - reads standard input")->required();
   verb->add_option("-o,--output", request->output, "PLY to write");

@@ -27,6 +27,7 @@ struct KeypointRequest {
   std::string radius = "exact";
   std::string preset;
   std::string output;
+  std::string format;
 };
 
 struct Found {
@@ -195,16 +196,10 @@ SurfaceOutput to_points(const Found& found) {
   return out;
 }
 
-std::string extension_of(const std::string& path) {
-  const std::size_t dot = path.rfind('.');
-  return dot == std::string::npos ? "" : path.substr(dot);
-}
-
-void write(const Found& found, const std::string& path) {
-  const std::string extension = extension_of(path);
-  if (extension == ".json") {
+void write(const Found& found, const std::string& path, const std::string& format) {
+  if (format == "json") {
     write_file_atomically(path, to_text(document_of(found)));
-  } else if (extension == ".csv") {
+  } else if (format == "csv") {
     write_file_atomically(path, to_csv(found));
   } else {
     write_surface(path, to_points(found), SurfaceFormat::ply_binary);
@@ -214,17 +209,15 @@ void write(const Found& found, const std::string& path) {
 void run_keypoints(const CLI::App& verb, Context& context, KeypointRequest& request) {
   apply_preset(verb, request);
   check(verb, request);
-  if (!request.output.empty()) {
-    const std::string extension = extension_of(request.output);
-    if (extension != ".ply" && extension != ".json" && extension != ".csv") {
-      throw InvalidArgument("output has the extension \"" + escaped(extension, 20) +
-                            "\", legal: .ply, .json, .csv");
-    }
-  }
+  // --format speaks of standard output when that is written, else of standard input.
+  std::string format;
+  if (!request.output.empty())
+    format = output_format(context, request.output, request.format, {"ply", "json", "csv"});
+  if (request.output != "-") context.read.stdin_format = request.format;
   Found found;
   with_progress(context, "keypoints", [&] {
     found = find(context, request);
-    if (!request.output.empty() && !context.run.cancelled()) write(found, request.output);
+    if (!request.output.empty() && !context.run.cancelled()) write(found, request.output, format);
   });
   context.print_json(document_of(found));
   if (context.json) return;
@@ -288,6 +281,12 @@ void add_keypoints(CLI::App& app, Context& context) {
                    "thesis: signal H, space-scale rule, scales and radii of the thesis")
       ->check(CLI::IsMember({"thesis"}));
   verb->add_option("-o,--output", request->output, "Keypoints to write: .ply, .json or .csv");
+  std::vector<std::string> formats = input_formats();
+  formats.insert(formats.end(), {"json", "csv"});
+  verb->add_option("--format", request->format,
+                   "Format of standard output (ply, json, csv) with -o -, else of standard input "
+                   "where its content does not tell")
+      ->check(CLI::IsMember(formats));
   verb->callback([request, verb, &context] { run_keypoints(*verb, context, *request); });
 }
 

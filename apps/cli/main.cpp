@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <iostream>
 #include <new>
 
 #include "context.h"
@@ -54,6 +55,13 @@ int usage_error(const Context& context, const std::string& message) {
   return report_error(context, Error(Errc::usage, "E_OPTION", line, {}, kUsageHint));
 }
 
+// What CLI11 prints goes through std::cout.
+int printed(const Context& context, int exit_code) {
+  if (std::cout.flush()) return exit_code;
+  return report_error(context,
+                      Error(Errc::cannot_write, "E_WRITE", "standard output cannot be written"));
+}
+
 // The handlers know the context only while it lives.
 struct ActiveContext {
   explicit ActiveContext(Context& context) { active_context = &context; }
@@ -90,11 +98,11 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
     return context.exit_code;
   } catch (const CLI::CallForHelp& help) {
-    return app.exit(help);
+    return printed(context, app.exit(help));
   } catch (const CLI::CallForAllHelp& help) {
-    return app.exit(help);
+    return printed(context, app.exit(help));
   } catch (const CLI::CallForVersion& version) {
-    return app.exit(version);
+    return printed(context, app.exit(version));
   } catch (const CLI::ParseError& error) {
     return usage_error(context, error.what());
   } catch (const Error& error) {

@@ -281,6 +281,7 @@ void render(const Settings& settings, Context& context) {
   options.camera = camera_of(settings.view);
   options.camera.perspective = settings.perspective;
   if (settings.background == "transparent") options.background = Background::transparent;
+  output_format(context, settings.output, "", {"png"});
   const auto start = std::chrono::steady_clock::now();
   Scene scene;
   Image image;
@@ -326,6 +327,7 @@ void add_render(CLI::App& app, Context& context) {
       "  dupin keypoints armadillo.off --json > kp.json\n"
       "  dupin render armadillo.off -o keypoints.png --keypoints kp.json");
   add_global_options(*verb, context);
+  add_input_format(*verb, context);
   verb->add_option("mesh", settings->mesh, "Surface; - is standard input")->required();
   verb->add_option("-o,--output", settings->output, "PNG to write")->required();
   verb->add_option("--color", settings->color,

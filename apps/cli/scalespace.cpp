@@ -104,6 +104,7 @@ std::vector<NpyArray> scalar_arrays(const LoadedSurface& surface, const Stacks& 
 }
 
 void run_scalespace(Context& context, const StackRequest& request, const std::string& output) {
+  if (!output.empty()) output_format(context, output, "", {"npz"});
   LoadedSurface surface;
   Stacks stacks;
   std::vector<NpyArray> arrays;
@@ -155,6 +156,7 @@ void add_scalespace(CLI::App& app, Context& context) {
       "loc and si_loc (one level less), "
       "tau, t_thesis, lambda, and analysed: 0 for vertices that no face uses.");
   add_global_options(*verb, context);
+  add_input_format(*verb, context);
   auto request = std::make_shared<StackRequest>();
   auto output = std::make_shared<std::string>();
   add_stack_options(*verb, *request);

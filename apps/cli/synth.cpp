@@ -22,6 +22,7 @@ struct SurfaceRequest {
   std::string noise_model = "normal";
   double jitter = 0.0;
   std::string output;
+  std::string format;
 };
 
 using Maker = AnalyticSurface (*)(const SurfaceRequest&, std::uint64_t seed);
@@ -76,7 +77,24 @@ NoiseModel noise_model(const std::string& name) {
   return name == "directional" ? NoiseModel::directional : NoiseModel::along_normal;
 }
 
-void synth_surface(const Context& context, const SurfaceRequest& request) {
+const std::map<std::string, SurfaceFormat>& output_formats() {
+  static const std::map<std::string, SurfaceFormat> formats{{"ply", SurfaceFormat::ply_binary},
+                                                            {"obj", SurfaceFormat::obj},
+                                                            {"off", SurfaceFormat::off},
+                                                            {"stl", SurfaceFormat::stl_binary},
+                                                            {"glb", SurfaceFormat::glb}};
+  return formats;
+}
+
+std::vector<std::string> format_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, format] : output_formats()) names.push_back(name);
+  return names;
+}
+
+void synth_surface(Context& context, const SurfaceRequest& request) {
+  const SurfaceFormat format =
+      output_formats().at(output_format(context, request.output, request.format, format_names()));
   const AnalyticSurface surface = makers().at(request.shape)(request, context.seed);
   NoiseOptions noise;
   noise.percent = request.noise;
@@ -87,7 +105,6 @@ void synth_surface(const Context& context, const SurfaceRequest& request) {
   SurfaceOutput output;
   output.points = noisy.mesh.points;
   output.triangles = noisy.mesh.triangles;
-  const SurfaceFormat format = surface_format_of(request.output);
   if (format == SurfaceFormat::ply_binary || format == SurfaceFormat::ply_ascii) {
     output.properties = {
         {"k1", surface.k1}, {"k2", surface.k2}, {"H", surface.mean}, {"K", surface.gauss}};
@@ -135,6 +152,8 @@ void add_synth(CLI::App& app, Context& context) {
       ->check(in_range(0.0, 0.4))
       ->capture_default_str();
   surface->add_option("-o,--output", request->output, "Surface to write")->required();
+  surface->add_option("--format", request->format, "Format of standard output, for -o -")
+      ->check(CLI::IsMember(format_names()));
   surface->callback([request, &context] { synth_surface(context, *request); });
 }
 
