@@ -9,6 +9,7 @@
 #include "dupin/io/surface_io.h"
 #include "dupin/mls/mls_surface.h"
 #include "dupin/mls/noise_level.h"
+#include "mls_verbs.h"
 #include "surface_input.h"
 
 namespace dupin::cli {
@@ -158,6 +159,8 @@ void add_mls(CLI::App& app, Context& context) {
   curvature->add_option("-o,--output", request->output, "PLY to write");
   add_patch_options(*curvature, request->patch);
   curvature->callback([request, &context] { run_curvature(context, *request); });
+
+  add_mls_scale(*verb, context);
 }
 
 }  // namespace dupin::cli
