@@ -169,7 +169,7 @@ void add_patch_options(CLI::App& verb, MlsOptions& options) {
       ->capture_default_str();
   verb.add_option("--radius", options.radius,
                   "Radius of a patch in the unit of the input, instead of --neighbors")
-      ->check(CLI::PositiveNumber);
+      ->check(in_range(1e-300, 1e300));
   verb.add_option_function<std::string>(
           "--patch-weights",
           [&options](const std::string& name) {
@@ -180,7 +180,7 @@ void add_patch_options(CLI::App& verb, MlsOptions& options) {
       ->default_str("gaussian");
   verb.add_option("--weight-width", options.weight_width,
                   "Width of the Gaussian weights, in radii of the patch")
-      ->check(CLI::Range(0.01, 1000.0))
+      ->check(in_range(0.01, 1000.0))
       ->capture_default_str();
 }
 

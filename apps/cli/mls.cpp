@@ -44,7 +44,11 @@ SurfaceOutput moved_surface(const LoadedSurface& surface, const MlsProjection& p
 }
 
 void run_smooth(Context& context, const SmoothRequest& request) {
-  const SurfaceFormat format = surface_format_of(request.output);
+  const bool to_stdout = request.output == "-";
+  const std::vector<std::string> legal = {"ply", "obj", "off", "stl", "glb"};
+  output_format(context, request.output, "", to_stdout ? std::vector<std::string>{"ply"} : legal);
+  const SurfaceFormat format =
+      to_stdout ? SurfaceFormat::ply_binary : surface_format_of(request.output);
   LoadedSurface surface;
   MlsProjection projection;
   with_progress(context, "smooth", [&] {
@@ -111,6 +115,7 @@ void add_mls(CLI::App& app, Context& context) {
       "Example:\n  dupin mls smooth scan.ply -o smooth.ply --neighbors 60\n\n"
       "Faces are kept and not used. A PLY carries the normals nx, ny, nz.");
   add_global_options(*smooth, context);
+  add_input_format(*smooth, context);
   auto smoothing = std::make_shared<SmoothRequest>();
   smooth->add_option("CLOUD", smoothing->cloud, "Points or surface; - reads standard input")
       ->required();
@@ -124,7 +129,7 @@ void add_mls(CLI::App& app, Context& context) {
   smooth
       ->add_option("--tolerance", smoothing->projection.tolerance,
                    "Step at which a point has arrived, in radii of its patch")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(in_range(0.0, 1.0))
       ->capture_default_str();
   smooth->callback([smoothing, &context] { run_smooth(context, *smoothing); });
 
@@ -133,6 +138,7 @@ void add_mls(CLI::App& app, Context& context) {
       "Example:\n  dupin mls noise scan.ply\n\nIt is that along the normal; a surface "
       "coarser than its own shape counts as noisy.");
   add_global_options(*noise, context);
+  add_input_format(*noise, context);
   auto measuring = std::make_shared<NoiseRequest>();
   noise->add_option("CLOUD", measuring->cloud, "Points or surface; - reads standard input")
       ->required();
@@ -152,6 +158,7 @@ void add_mls(CLI::App& app, Context& context) {
       "Example:\n  dupin mls curvature cloud.xyz -o curvature.ply\n\nThe same as dupin "
       "curvature --method mls.");
   add_global_options(*curvature, context);
+  add_input_format(*curvature, context);
   auto request = std::make_shared<CurvatureRequest>();
   request->method = "mls";
   curvature->add_option("CLOUD", request->mesh, "Points or surface; - reads standard input")
