@@ -3,14 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 
 #include "context.h"
 #include "dupin/base/error.h"
+#include "dupin/features/keypoint_uncertainty.h"
 #include "dupin/io/file.h"
 #include "dupin/io/surface_io.h"
+#include "dupin/mls/noise_level.h"
 #include "dupin/scalespace/scale_space.h"
 #include "stack_options.h"
 
@@ -28,6 +33,12 @@ struct KeypointRequest {
   std::string preset;
   std::string output;
   std::string format;
+  std::string noise;  // empty: no error bars; "auto" or a length
+  int replicas = 32;
+  double min_snr = 0.0;
+  double significance = 0.0;  // 0: not asked
+
+  bool wants_noise() const { return !noise.empty() || min_snr > 0.0 || significance > 0.0; }
 };
 
 struct Found {
@@ -36,6 +47,10 @@ struct Found {
   KeypointSet set;
   double response_unit = 1.0;  // input unit of a local response
   bool is_thesis = false;      // radius t e: t is told beside tau
+  // Error bars, when they were asked for.
+  std::vector<KeypointUncertainty> uncertainty;  // aligned with the keypoints
+  std::optional<double> sigma;                   // [local]
+  int advised_level = -1;
 };
 
 // "thesis": everything as the thesis has it (chapter 5.1 and 5.2). An option that says otherwise
@@ -99,6 +114,77 @@ void require_finite(const Found& found, const std::string& file) {
                 file);
 }
 
+// Standard deviation of every coordinate, in local units.
+double noise_sigma(const KeypointRequest& request, const LoadedSurface& surface, Context& context) {
+  if (request.noise.empty() || request.noise == "auto") {
+    NoiseLevelOptions options;
+    options.seed = context.seed;
+    return estimate_noise(surface.graph.points, options, context.run.stage(0.6, 0.65)).sigma;
+  }
+  double sigma = 0.0;
+  const char* end = request.noise.data() + request.noise.size();
+  const auto parsed = std::from_chars(request.noise.data(), end, sigma);
+  if (parsed.ec != std::errc() || parsed.ptr != end || !std::isfinite(sigma) || sigma < 0.0) {
+    throw InvalidArgument("noise is \"" + escaped(request.noise, 40) +
+                          "\", expected auto or a length >= 0 in the unit of the input");
+  }
+  return sigma / surface.unit;
+}
+
+// Error bars of all keypoints, then what --min-snr, --significance and --top leave of them.
+void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionOperator& op,
+                  const ScaleSpace& stack, Context& context) {
+  const std::optional<Signal> signal = library_signal(request.stack.signal);
+  if (!signal) {
+    throw InvalidArgument(
+        "the noise of the signal \"" + escaped(request.stack.signal, 40) + "\" is not known",
+        "--signal height, H, K, k1 or k2");
+  }
+  const SurfaceGraph& graph = found.surface.graph;
+  const KeypointOptions options = library_options(request);
+  const double sigma = noise_sigma(request, found.surface, context);
+  found.sigma = sigma;
+  std::vector<Keypoint>& points = found.set.keypoints;
+  if (sigma > 0.0) {
+    SignalNoiseOptions position;
+    position.sigma = sigma;
+    position.normal_smoothing = request.stack.normal_smoothing;
+    position.seed = context.seed;
+    StackNoiseOptions replicas = keypoint_noise_options(graph, request.stack.schedule, options);
+    replicas.filter = stack_options(request.stack).filter;
+    replicas.num_replicas = request.replicas;
+    const StackNoise noise = estimate_stack_noise(op, make_signal_noise(graph, *signal, position),
+                                                  replicas, context.run.stage(0.65, 0.95));
+    context.run.throw_if_cancelled();
+    found.uncertainty = estimate_keypoint_uncertainty(graph, stack.loc, request.stack.schedule,
+                                                      noise, points, options);
+    found.advised_level = advise_level(stack.loc, noise.loc_sd);
+  } else {
+    // Without noise everything is certain, and a ratio to it is no number.
+    KeypointUncertainty certain;
+    certain.snr = std::numeric_limits<double>::max();
+    certain.p_value = 0.0;
+    certain.position_sd = 0.0;
+    found.uncertainty.assign(points.size(), certain);
+    found.advised_level = 0;
+  }
+  std::vector<Keypoint> kept;
+  std::vector<KeypointUncertainty> sure;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const KeypointUncertainty& u = found.uncertainty[i];
+    if (options.top > 0 && static_cast<Index>(kept.size()) == options.top) break;
+    if (u.snr < request.min_snr) continue;
+    if (request.significance > 0.0 && !is_significant(points[i], u, graph, request.stack.schedule,
+                                                      options, request.significance)) {
+      continue;
+    }
+    kept.push_back(points[i]);
+    sure.push_back(u);
+  }
+  points = std::move(kept);
+  found.uncertainty = std::move(sure);
+}
+
 Found find(Context& context, const KeypointRequest& request) {
   Found found;
   found.surface = load_surface(request.stack.mesh, context, request.stack.neighbors);
@@ -118,11 +204,13 @@ Found find(Context& context, const KeypointRequest& request) {
   const double scale = signal.columns.size() > 0 ? signal.columns.cwiseAbs().maxCoeff() : 0.0;
   KeypointOptions wanted = library_options(request);
   wanted.contrast_power = signal.length_power;
+  if (request.wants_noise()) wanted.top = 0;  // the strongest of those that are kept
   found.set = find_keypoints(found.surface.graph, stack.loc, request.stack.schedule, scale, wanted,
                              context.run.stage(0.9, 1.0));
   context.run.throw_if_cancelled();
   found.is_thesis = request.radius == "thesis";
   require_finite(found, request.stack.mesh);
+  if (request.wants_noise()) add_noise_to(found, request, op, stack, context);
   return found;
 }
 
@@ -130,9 +218,31 @@ const char* kind_name(const Keypoint& point) {
   return point.kind == KeypointKind::maximum ? "max" : "min";
 }
 
+// The error bars of keypoint i as names and values; absent ones are null.
+std::vector<std::pair<const char*, std::optional<double>>> error_bars(const Found& found,
+                                                                      std::size_t i) {
+  std::optional<double> snr;
+  std::optional<double> p_value;
+  std::optional<double> position;
+  std::optional<double> radius;
+  if (i < found.uncertainty.size()) {
+    const KeypointUncertainty& u = found.uncertainty[i];
+    if (u.snr < std::numeric_limits<double>::max()) snr = u.snr;
+    p_value = u.p_value;
+    if (u.position_sd) position = *u.position_sd * found.surface.unit;
+    if (u.radius_sd) radius = *u.radius_sd * found.surface.unit;
+  }
+  return {{"snr", snr}, {"p_value", p_value}, {"position_sd", position}, {"radius_sd", radius}};
+}
+
+Json number_or_null(const std::optional<double>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
 Json document_of(const Found& found) {
   Json list = Json::array();
-  for (const Keypoint& p : found.set.keypoints) {
+  for (std::size_t i = 0; i < found.set.keypoints.size(); ++i) {
+    const Keypoint& p = found.set.keypoints[i];
     const auto at = [&](const Points& points) {
       return Json::array({points(p.vertex, 0), points(p.vertex, 1), points(p.vertex, 2)});
     };
@@ -144,27 +254,36 @@ Json document_of(const Found& found) {
                     {"radius", p.radius * found.surface.unit},
                     {"response", p.response * found.response_unit},
                     {"kind", kind_name(p)},
-                    {"persistence", p.persistence},
-                    {"snr", nullptr},
-                    {"p_value", nullptr}});
+                    {"persistence", p.persistence}});
+    for (const auto& [name, value] : error_bars(found, i))
+      list.back()[name] = number_or_null(value);
     if (found.is_thesis) list.back()["t"] = p.t;
   }
-  return {{"mean_edge_length", found.surface.graph.mean_edge * found.surface.unit},
-          {"tau", std::vector<double>(found.tau.data(), found.tau.data() + found.tau.size())},
-          {"noise_sigma", nullptr},
-          {"keypoints", list},
-          {"warnings", to_json(found.surface.warnings)}};
+  return {
+      {"mean_edge_length", found.surface.graph.mean_edge * found.surface.unit},
+      {"tau", std::vector<double>(found.tau.data(), found.tau.data() + found.tau.size())},
+      {"noise_sigma", number_or_null(found.sigma ? std::optional(*found.sigma * found.surface.unit)
+                                                 : std::nullopt)},
+      {"advised_level", found.advised_level >= 0 ? Json(found.advised_level) : Json(nullptr)},
+      {"keypoints", list},
+      {"warnings", to_json(found.surface.warnings)}};
 }
 
 std::string to_csv(const Found& found) {
-  std::string text = "vertex,x,y,z,nx,ny,nz,level,tau,radius,response,kind,persistence\n";
-  for (const Keypoint& p : found.set.keypoints) {
+  std::string text =
+      "vertex,x,y,z,nx,ny,nz,level,tau,radius,response,kind,persistence,snr,p_value,position_sd,"
+      "radius_sd\n";
+  for (std::size_t i = 0; i < found.set.keypoints.size(); ++i) {
+    const Keypoint& p = found.set.keypoints[i];
     const auto x = found.surface.points.row(p.vertex);
     const auto n = found.surface.graph.normals.row(p.vertex);
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}",
                         found.surface.input_vertex[static_cast<std::size_t>(p.vertex)], x[0], x[1],
                         x[2], n[0], n[1], n[2], p.level, p.tau, p.radius * found.surface.unit,
                         p.response * found.response_unit, kind_name(p), p.persistence);
+    for (const auto& [name, value] : error_bars(found, i))
+      text += value ? fmt::format(",{}", *value) : ",";
+    text += "\n";
   }
   return text;
 }
@@ -177,6 +296,10 @@ SurfaceOutput to_points(const Found& found) {
   const char* names[] = {"nx",  "ny",     "nz",       "vertex",  "level",
                          "tau", "radius", "response", "maximum", "persistence"};
   for (const char* name : names) out.properties.push_back({name, Eigen::VectorXd(count), false});
+  if (found.sigma) {
+    for (const char* name : {"snr", "p_value", "position_sd", "radius_sd"})
+      out.properties.push_back({name, Eigen::VectorXd(count), false});
+  }
   for (Index i = 0; i < count; ++i) {
     const Keypoint& p = found.set.keypoints[static_cast<std::size_t>(i)];
     out.points.row(i) = found.surface.points.row(p.vertex);
@@ -192,6 +315,11 @@ SurfaceOutput to_points(const Found& found) {
         p.kind == KeypointKind::maximum ? 1.0 : 0.0,
         static_cast<double>(p.persistence)};
     for (std::size_t k = 0; k < std::size(values); ++k) out.properties[k].values[i] = values[k];
+    if (!found.sigma) continue;
+    // A PLY has no way to say "absent": -1, which none of them can be.
+    std::size_t column = std::size(values);
+    for (const auto& [name, value] : error_bars(found, static_cast<std::size_t>(i)))
+      out.properties[column++].values[i] = value.value_or(-1.0);
   }
   return out;
 }
@@ -224,14 +352,24 @@ void run_keypoints(const CLI::App& verb, Context& context, KeypointRequest& requ
   context.say(fmt::format("{} keypoints on {} vertices, mean edge {:.6g}",
                           found.set.keypoints.size(), found.surface.num_input_vertices,
                           found.surface.graph.mean_edge * found.surface.unit));
-  context.say("  vertex  level     radius   response  kind");
+  if (found.sigma) {
+    context.say(
+        fmt::format("noise {:.4g}; {}", *found.sigma * found.surface.unit,
+                    found.advised_level < 0
+                        ? "no level smooths it away"
+                        : fmt::format("smooth to level {} or above for it", found.advised_level)));
+  }
+  context.say("  vertex  level     radius   response  kind       snr  p-value");
   constexpr std::size_t kShown = 20;
   for (std::size_t i = 0; i < std::min(kShown, found.set.keypoints.size()); ++i) {
     const Keypoint& p = found.set.keypoints[i];
-    context.say(fmt::format("{:8d} {:6d} {:10.4g} {:10.3g}  {}",
+    const auto bars = error_bars(found, i);
+    context.say(fmt::format("{:8d} {:6d} {:10.4g} {:10.3g}  {}{}{}",
                             found.surface.input_vertex[static_cast<std::size_t>(p.vertex)], p.level,
                             p.radius * found.surface.unit, p.response * found.response_unit,
-                            kind_name(p)));
+                            kind_name(p),
+                            bars[0].second ? fmt::format("  {:8.2f}", *bars[0].second) : "",
+                            bars[1].second ? fmt::format("  {:7.2g}", *bars[1].second) : ""));
   }
   if (found.set.keypoints.size() > kShown) context.say("  ... all of them with --json or -o");
 }
@@ -280,6 +418,21 @@ void add_keypoints(CLI::App& app, Context& context) {
   verb->add_option("--preset", request->preset,
                    "thesis: signal H, space-scale rule, scales and radii of the thesis")
       ->check(CLI::IsMember({"thesis"}));
+  verb->add_option("--noise", request->noise,
+                   "Error bars for noise of this standard deviation in every coordinate; auto: "
+                   "estimated from the surface");
+  verb->add_option("--replicas", request->replicas, "Replicas of the noise, in sixteens")
+      ->check(CLI::Range(8, 4096))
+      ->capture_default_str();
+  verb->add_option("--min-snr", request->min_snr,
+                   "Smallest ratio of a response to its standard deviation (implies --noise auto)")
+      ->check(in_range(0.0, 1e300))
+      ->capture_default_str();
+  verb->add_option("--significance", request->significance,
+                   "Keep what noise imitates or moves by two edges with at most this probability "
+                   "(implies --noise auto); 0: keep all")
+      ->check(in_range(0.0, 1.0))
+      ->capture_default_str();
   verb->add_option("-o,--output", request->output, "Keypoints to write: .ply, .json or .csv");
   std::vector<std::string> formats = input_formats();
   formats.insert(formats.end(), {"json", "csv"});

@@ -155,6 +155,12 @@ SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& requ
   return signal;
 }
 
+std::optional<Signal> library_signal(const std::string& name) {
+  const auto named = signal_names().find(name);
+  if (named == signal_names().end()) return std::nullopt;
+  return named->second;
+}
+
 ScaleSpaceOptions stack_options(const StackRequest& request) {
   ScaleSpaceOptions options;
   options.schedule = request.schedule;

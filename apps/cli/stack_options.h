@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "context.h"
 #include "dupin/scalespace/scale_space.h"
+#include "dupin/surface/surface_graph.h"
 #include "surface_input.h"
 
 namespace dupin::cli {
@@ -39,6 +41,9 @@ struct SignalColumns {
 /// does not fit
 SignalColumns make_signal(const LoadedSurface& surface, const StackRequest& request,
                           Context& context);
+
+/// The library's signal of this name, if it is one of those whose noise the library knows.
+std::optional<Signal> library_signal(const std::string& name);
 
 /// Options of the library from those of the command line.
 ScaleSpaceOptions stack_options(const StackRequest& request);

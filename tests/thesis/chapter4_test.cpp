@@ -44,8 +44,9 @@ struct Averages {
 };
 
 // Every fourth point of the sphere, 100 neighbours.
-Averages averages(double percent) {
-  const NoisyMesh noisy = add_noise(make_icosphere(1.0, 6).mesh, {.percent = percent});
+Averages averages(double percent, std::uint64_t seed) {
+  const NoisyMesh noisy =
+      add_noise(make_icosphere(1.0, 6).mesh, {.percent = percent, .seed = seed});
   const Points& points = noisy.mesh.points;
   constexpr Index kStride = 4;
   const Index count = points.rows() / kStride;
@@ -62,6 +63,19 @@ Averages averages(double percent) {
     sum.beta7 += patch.beta[6] / static_cast<double>(count);
     sum.gauss += curvature.gauss / static_cast<double>(count);
     sum.mean += curvature.mean / static_cast<double>(count);
+  }
+  return sum;
+}
+
+// Mean over three draws of noise.
+Averages averages(double percent) {
+  Averages sum;
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    const Averages one = averages(percent, seed);
+    sum.beta5 += one.beta5 / 3.0;
+    sum.beta7 += one.beta7 / 3.0;
+    sum.gauss += one.gauss / 3.0;
+    sum.mean += one.mean / 3.0;
   }
   return sum;
 }
@@ -102,6 +116,8 @@ TEST(Table41And42, ReproduceTheBiasOfCoefficientsAndCurvature) {
 // 517.7, still has one linear eigenvalue and ours two (E-15).
 TEST(Table44, TheStatisticOfTheCoefficientsJumpsBetween60And70) {
   LocalScaleOptions options = options_for(sphere(), 0.5);
+  // A single T has a deviation of 8.4 (35 degrees of freedom): the mean of 60 has one of 1.1, 3 %.
+  options.draws.experiments = 60;
   options.sizes = {30, 40, 50, 60, 70, 80, 90, 100, 130, 200};
   options.stop_at_first_pass = false;
   const LocalScale scale =
@@ -151,7 +167,7 @@ TEST(Table46, TheSizesOnThePlaneAreWithinOneStep) {
 // steps.
 TEST(Table46, TheSizesOnTheTorusAreWithinTwoSteps) {
   const std::vector<double> noises = {0.2, 0.4, 0.6, 0.8, 1.0, 1.2};
-  constexpr int kMore = 20;
+  constexpr int kMore = 60;
   expect_row(thesis::torus(TorusPoint::hyperbolic, false), noises, {70, 100, 130, 160, 200, 250}, 2,
              kMore);
   expect_row(thesis::torus(TorusPoint::parabolic, false), noises, {70, 100, 140, 170, 180, 200}, 2,

@@ -3,13 +3,23 @@
 #include <cmath>
 
 namespace dupin {
+namespace {
 
-std::uint64_t Rng::next() {
-  state_ += 0x9E3779B97F4A7C15ULL;
-  std::uint64_t z = state_;
+std::uint64_t mixed(std::uint64_t z) {
   z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9ULL;
   z = (z ^ (z >> 27U)) * 0x94D049BB133111EBULL;
   return z ^ (z >> 31U);
+}
+
+}  // namespace
+
+// A start that is linear in the seed would make the streams of neighbouring seeds the same numbers,
+// one place further on.
+Rng::Rng(std::uint64_t seed) : state_(mixed(mixed(seed + 0x2545F4914F6CDD1DULL) ^ seed)) {}
+
+std::uint64_t Rng::next() {
+  state_ += 0x9E3779B97F4A7C15ULL;
+  return mixed(state_);
 }
 
 double Rng::uniform() { return static_cast<double>(next() >> 11U) * 0x1.0p-53; }

@@ -5,10 +5,11 @@
 namespace dupin {
 
 /// Seeded random numbers, the same on every platform with the same libm.
-/// Stream: splitmix64 of (seed, counter); no global state.
+/// Stream: splitmix64 from a start that is a hash of the seed, so that neighbouring seeds share
+/// nothing; no global state.
 class Rng {
  public:
-  explicit Rng(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15ULL + 0x2545F4914F6CDD1DULL) {}
+  explicit Rng(std::uint64_t seed);
 
   std::uint64_t next();  ///< 64 random bits
   double uniform();      ///< in [0, 1), 53 bits

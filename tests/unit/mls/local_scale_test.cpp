@@ -10,6 +10,7 @@
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
 #include "dupin/mls/patch_draws.h"
+#include "dupin/stats/kolmogorov.h"
 
 namespace dupin {
 namespace {
@@ -61,8 +62,10 @@ TEST(TurnedPatch, IsTheSameSurfaceInOtherAxes) {
 
 // With the plane held and uniform weights the coefficients are linear in noise along the normal, so
 // T(beta) has its distribution at any size. M = 400: the bias of a small sample is below the
-// resolution of 100 values. The noise is small, so that curvature is linear as well: T(kappa) of a
-// point with two curvatures has 5 degrees of freedom.
+// resolution of 100 values. Judged at the level .001, so that one seed in five hundred fails both;
+// an error of the kind of E-15 (65 for 35 degrees of freedom) gives D near 1. The noise is small,
+// so that curvature is linear as well: T(kappa) of a point with two curvatures has 5 degrees of
+// freedom.
 TEST(ValidatePatchStatistics, LinearDrawsFollowTheChiSquareDistribution) {
   const AnalyticSurface surface = make_saddle(0.5, {.half_width = 1.0, .num_vertices = 4'000});
   const Index vertex = 2'345;
@@ -76,8 +79,9 @@ TEST(ValidatePatchStatistics, LinearDrawsFollowTheChiSquareDistribution) {
       validate_patch_statistics(surface.mesh.points, vertex, RowVector3d::Zero(), 60, options);
   EXPECT_EQ(result.dof_beta, 35.0);
   EXPECT_EQ(result.dof_kappa, 5.0);
-  EXPECT_LT(result.ks_beta, result.ks_critical);
-  EXPECT_LT(result.ks_kappa, result.ks_critical);
+  const double limit = kolmogorov_critical_value(0.001, 100);
+  EXPECT_LT(result.ks_beta, limit);
+  EXPECT_LT(result.ks_kappa, limit);
   EXPECT_NEAR(result.ks_critical, 0.134, 5e-4);
   EXPECT_NEAR(result.ks_critical_two, 0.192, 5e-4);
 }
@@ -111,7 +115,7 @@ TEST(FindLocalScale, GrowsWithTheNoise) {
       EXPECT_EQ(passes, &test == &scale.test());
     }
   }
-  EXPECT_GT(previous, 60);
+  EXPECT_GE(previous, 60);
 }
 
 // No unit enters by default: lengths times 1000 leave every statistic as it is.
