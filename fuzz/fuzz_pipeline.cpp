@@ -135,9 +135,16 @@ void add_operator(const SurfaceGraph& graph, const Choice& choice, const Diffusi
     wanted.rule = rule;
     wanted.level = std::clamp(num_levels - 2, 1, 20);
     if (num_levels < 4) wanted.min_level = 0;
-    KeypointSet set = find_keypoints(graph, stack.loc, schedule, scale, wanted);
-    require_sound(graph, set, num_levels);
-    outcome.keypoints.push_back(std::move(set));
+    // This measure has no scale at level 1 and must be refused, whatever the surface.
+    const bool is_refusal_due = wanted.measure == ScaleMeasure::variance;
+    try {
+      KeypointSet set = find_keypoints(graph, stack.loc, schedule, scale, wanted);
+      if (is_refusal_due) broken("variance is refused");
+      require_sound(graph, set, num_levels);
+      outcome.keypoints.push_back(std::move(set));
+    } catch (const InvalidArgument&) {
+      if (!is_refusal_due) throw;
+    }
   }
   outcome.stacks.push_back(stack.levels);
   outcome.stacks.push_back(stack.loc);
