@@ -8,18 +8,19 @@
 #include <benchmark/benchmark.h>
 
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "bench/nanoflann_search.h"
 #include "dupin/base/parallel.h"
 #include "dupin/mesh/noise.h"
 #include "dupin/mesh/shapes.h"
 #include "dupin/mls/mls_surface.h"
 #include "dupin/mls/noise_level.h"
-#include "dupin/spatial/nearest.h"
 
 #ifdef DUPIN_PEER_CGAL
 #include <CGAL/Monge_via_jet_fitting.h>
@@ -94,13 +95,15 @@ void cgal_jet(benchmark::State& state, const Case& c) {
   dupin::set_thread_count(1);
   Eigen::VectorXd mean(c.points.rows());
   for (auto _ : state) {
-    const dupin::PointIndex search(c.points);
-    const dupin::NeighborTable table = search.nearest(c.points, kNeighbors);
+    const dupin::bench::NanoflannSearch search(c.points);
+    std::vector<std::int32_t> index(kNeighbors);
+    std::vector<double> squared(kNeighbors);
     std::vector<Kernel::Point_3> around;
     for (Index v = 0; v < c.points.rows(); ++v) {
       around.clear();
-      for (Index j = 0; j < kNeighbors; ++j) {
-        const auto row = c.points.row(table.index(v, j));
+      search.nearest(c.points.row(v).data(), index.size(), index.data(), squared.data());
+      for (const std::int32_t j : index) {
+        const auto row = c.points.row(j);
         around.emplace_back(row[0], row[1], row[2]);
       }
       Fitting fitting;

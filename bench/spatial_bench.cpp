@@ -1,18 +1,16 @@
 // The k nearest neighbours of every vertex of a noisy sphere, sorting or building the tree
-// included: NeighborSearch against nanoflann by itself and in PointIndex, which sorts each row and
-// stores the table. Items are vertices.
+// included: NeighborSearch, visited and as a sorted table, against nanoflann. Items are vertices.
 //
 // spatial_bench --benchmark_repetitions=5 --benchmark_report_aggregates_only=true
 #include <benchmark/benchmark.h>
 
 #include <atomic>
-#include <nanoflann.hpp>
 #include <vector>
 
+#include "bench/nanoflann_search.h"
 #include "dupin/base/parallel.h"
 #include "dupin/mesh/noise.h"
 #include "dupin/mesh/shapes.h"
-#include "dupin/spatial/nearest.h"
 #include "dupin/spatial/neighborhoods.h"
 
 namespace {
@@ -37,34 +35,19 @@ void finish(benchmark::State& state, Index items) {
   dupin::set_thread_count(1);
 }
 
-struct Adaptor {
-  const dupin::Points& points;
-  std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(points.rows()); }
-  double kdtree_get_pt(std::size_t i, std::size_t dim) const {
-    return points(static_cast<Index>(i), static_cast<Index>(dim));
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box& /*unused*/) const {
-    return false;
-  }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Adaptor>,
-                                                 Adaptor, 3, std::int32_t>;
-
 void BM_Nanoflann(benchmark::State& state) {
   const dupin::Points& points = surface(state.range(0));
   const auto k = static_cast<std::size_t>(state.range(1));
   dupin::set_thread_count(static_cast<int>(state.range(2)));
   for (auto _ : state) {
-    const Adaptor adaptor{points};
-    const Tree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const dupin::bench::NanoflannSearch tree(points);
     std::atomic<std::size_t> num_found{0};
     dupin::parallel_for(0, points.rows(), 512, [&](Index first, Index last) {
       std::vector<std::int32_t> index(k);
       std::vector<double> squared(k);
       std::size_t found = 0;
       for (Index q = first; q < last; ++q) {
-        found += tree.knnSearch(points.row(q).data(), k, index.data(), squared.data());
+        found += tree.nearest(points.row(q).data(), k, index.data(), squared.data());
         benchmark::DoNotOptimize(squared.data());
       }
       num_found += found;
@@ -76,12 +59,12 @@ void BM_Nanoflann(benchmark::State& state) {
   finish(state, points.rows());
 }
 
-void BM_PointIndex(benchmark::State& state) {
+void BM_NeighborTable(benchmark::State& state) {
   const dupin::Points& points = surface(state.range(0));
   const int k = static_cast<int>(state.range(1));
   dupin::set_thread_count(static_cast<int>(state.range(2)));
   for (auto _ : state) {
-    const auto table = dupin::PointIndex(points).nearest(points, k);
+    const auto table = dupin::NeighborSearch(points).nearest(points, k);
     if (table.index(0, 0) != 0) state.SkipWithError("a point is its own nearest");
     benchmark::DoNotOptimize(table.squared.data());
   }
@@ -116,7 +99,7 @@ void sizes(benchmark::internal::Benchmark* benchmark) {
 }
 
 BENCHMARK(BM_Nanoflann)->Apply(sizes);
-BENCHMARK(BM_PointIndex)->Apply(sizes);
+BENCHMARK(BM_NeighborTable)->Apply(sizes);
 BENCHMARK(BM_NeighborSearch)->Apply(sizes);
 
 }  // namespace

@@ -14,7 +14,7 @@
 #include "dupin/base/parallel.h"
 #include "dupin/mesh/noise.h"
 #include "dupin/mls/local_scale.h"
-#include "dupin/spatial/nearest.h"
+#include "dupin/spatial/neighborhoods.h"
 #include "tests/support/thesis_surfaces.h"
 
 namespace {
@@ -69,7 +69,7 @@ void print_tables_1_and_2(bool is_quick) {
       const Index count = (points.rows() + stride - 1) / stride;
       Points queries(count, 3);
       for (Index i = 0; i < count; ++i) queries.row(i) = points.row(i * stride);
-      const auto table = dupin::PointIndex(points).nearest(queries, kNeighbors);
+      const auto table = dupin::NeighborSearch(points).nearest(queries, kNeighbors);
       Eigen::MatrixXd found(count, 4);
       dupin::parallel_for(0, count, 64, [&](Index first, Index last) {
         Points near(kNeighbors, 3);

@@ -8,7 +8,7 @@
 #include "dupin/mesh/noise.h"
 #include "dupin/mls/local_scale.h"
 #include "dupin/mls/mls_surface.h"
-#include "dupin/spatial/nearest.h"
+#include "dupin/spatial/neighborhoods.h"
 #include "tests/support/thesis_surfaces.h"
 
 namespace dupin {
@@ -52,7 +52,7 @@ Averages averages(double percent, std::uint64_t seed) {
   const Index count = points.rows() / kStride;
   Points queries(count, 3);
   for (Index i = 0; i < count; ++i) queries.row(i) = points.row(i * kStride);
-  const NeighborTable table = PointIndex(points).nearest(queries, 100);
+  const NeighborTable table = NeighborSearch(points).nearest(queries, 100);
   Averages sum;
   Points near(100, 3);
   for (Index i = 0; i < count; ++i) {
@@ -192,7 +192,7 @@ TEST(Table47, TheRadiiAreThoseOfAGridInBothAngles) {
                                  {TorusPoint::elliptic, 130, 0.1378}}) {
     const Site site = thesis::torus(printed.where, false);
     const NeighborTable table =
-        PointIndex(site.points).nearest(site.points.row(site.vertex), printed.size);
+        NeighborSearch(site.points).nearest(site.points.row(site.vertex), printed.size);
     EXPECT_NEAR(std::sqrt(table.squared(0, printed.size - 1)), printed.radius,
                 0.05 * printed.radius);
   }

@@ -10,21 +10,14 @@ function(must)
   endif()
 endfunction()
 
-# nanoflann is one header in the host's /usr/include, which must not be searched for anything else.
-find_path(nanoflann_folder nanoflann.hpp PATHS /usr/include /usr/local/include REQUIRED)
-file(COPY ${nanoflann_folder}/nanoflann.hpp DESTINATION ${WORK}/nanoflann/include)
-file(WRITE ${WORK}/nanoflann/nanoflannConfig.cmake
-"add_library(nanoflann::nanoflann INTERFACE IMPORTED GLOBAL)
-target_include_directories(nanoflann::nanoflann INTERFACE \${CMAKE_CURRENT_LIST_DIR}/include)
-")
-# So is Boost, of which one folder is linked to.
+# Boost is a folder of the host's /usr/include, which must not be searched for anything else.
 find_path(boost_folder boost/math/policies/policy.hpp PATHS /usr/include /usr/local/include REQUIRED)
 file(MAKE_DIRECTORY ${WORK}/boost)
 file(CREATE_LINK ${boost_folder}/boost ${WORK}/boost/boost SYMBOLIC)
 get_filename_component(emcc_folder ${EMCC} DIRECTORY)
 must(${emcc_folder}/emcmake ${CMAKE_COMMAND} -G Ninja -S ${SOURCE} -B ${WORK}/build
   -DCMAKE_BUILD_TYPE=Release -DDUPIN_IO=OFF -DDUPIN_THREADS=OFF -DDUPIN_APPS=OFF
-  -DEigen3_DIR=${Eigen3_DIR} -Dnanoflann_DIR=${WORK}/nanoflann
+  -DEigen3_DIR=${Eigen3_DIR}
   -DBoost_NO_BOOST_CMAKE=ON -DBoost_INCLUDE_DIR=${WORK}/boost)
 must(${CMAKE_COMMAND} --build ${WORK}/build -j 2)
 # -O1: from -O2 on em++ also wants the JavaScript package acorn. Compiled while loading: em++ 3.1 otherwise

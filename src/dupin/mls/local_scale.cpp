@@ -10,7 +10,7 @@
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
 #include "dupin/mls/patch_draws.h"
-#include "dupin/spatial/nearest.h"
+#include "dupin/spatial/neighborhoods.h"
 #include "dupin/stats/distributions.h"
 #include "dupin/stats/kolmogorov.h"
 
@@ -199,7 +199,7 @@ LocalScaleField find_local_scales(const Points& points, const Points& normals,
                                   const std::vector<std::int32_t>& vertices,
                                   const LocalScaleOptions& options, RunControl run) {
   check(options.draws);
-  const PointIndex search(points);
+  const NeighborSearch search(points);
   const std::vector<int> sizes = checked_sizes(options.sizes, points.rows());
   if (normals.rows() != 0 && normals.rows() != points.rows()) {
     throw InvalidArgument("normals: " + std::to_string(normals.rows()) + " rows for " +
@@ -245,7 +245,7 @@ LocalScale find_local_scale(const Points& points, Index vertex, const RowVector3
                             const LocalScaleOptions& options, RunControl run) {
   check(options.draws);
   check_normals(normal);
-  const PointIndex search(points);
+  const NeighborSearch search(points);
   const std::vector<int> sizes = checked_sizes(options.sizes, points.rows());
   check_vertex(points, vertex);
   NeighborTable table = search.nearest(points.row(vertex), sizes.back());
@@ -262,7 +262,7 @@ PatchValidation validate_patch_statistics(const Points& points, Index vertex,
   check(options);
   require(options.experiments >= 5, "experiments", ">= 5 for Kolmogorov's test");
   check_normals(normal);
-  const PointIndex search(points);
+  const NeighborSearch search(points);
   checked_sizes({neighbors}, points.rows());
   check_vertex(points, vertex);
   NeighborTable table = search.nearest(points.row(vertex), neighbors);

@@ -17,13 +17,15 @@ using Eigen::Index;
 using std::size_t;
 
 // Terms of the recurrence that are kept before they are added to the levels. More of them means
-// less traffic of the levels and more memory; 12 keep a stack of 35 levels under 450 bytes a
+// less traffic of the levels and more memory; 10 keep a stack of 35 levels under 450 bytes a
 // vertex.
-constexpr Index kBlock = 12;
+constexpr Index kBlock = 10;
 constexpr Index kGroup = 4;         // levels added together, see accumulate_terms()
 constexpr Index kStepGrain = 1024;  // slices
 constexpr Index kTileGrain = 4096;  // rows
-constexpr Index kTile = 256;        // rows of all terms of a block: 32 KiB in double, fits in L1
+constexpr Index kTile = 256;        // rows of all terms of a block: 20 KiB in double, fits in L1
+// Series cut below what rounding in single precision leaves cost products for nothing.
+constexpr double kSingleTolerance = 1e-6;
 
 template <class T>
 using Buffer = std::vector<T, Eigen::aligned_allocator<T>>;
@@ -194,8 +196,10 @@ BasicScaleSpace<Matrix> compute(const DiffusionOperator& op, const Eigen::Vector
     if (!std::isfinite(signal[v]))
       throw InvalidArgument("signal: value " + std::to_string(v) + " is not finite");
   }
+  const double tolerance =
+      std::is_same_v<T, float> ? std::max(options.tolerance, kSingleTolerance) : options.tolerance;
   const auto bank =
-      filter_bank({options.schedule, options.filter, op.spectrum_bound, options.tolerance}, run);
+      filter_bank({options.schedule, options.filter, op.spectrum_bound, tolerance}, run);
   BasicScaleSpace<Matrix> result;
   if (bank == nullptr) {
     result.status = Status::cancelled;

@@ -45,15 +45,15 @@ using ScaleSpaceF = BasicScaleSpace<LevelMatrixF>;
 /// section 1).
 ///
 /// Same input, same bits, for any number of threads and any instruction set.
-/// Memory: 8 L bytes a vertex for each of levels and loc, and about 170 bytes a vertex of work
+/// Memory: 8 L bytes a vertex for each of levels and loc, and about 100 bytes a vertex of work
 /// space. Cost: degree (about 310 for the defaults on a closed mesh) products with the operator.
 /// @throws InvalidArgument if the signal has the wrong size or is not finite, or an option is out
 /// of range
 ScaleSpace compute_scale_space(const DiffusionOperator& op, const Eigen::VectorXd& signal,
                                const ScaleSpaceOptions& options = {}, RunControl run = {});
 
-/// The same in single precision: about 1.6 times as fast, relative error about 1e-5. Good enough
-/// for keypoints.
+/// The same in single precision, relative error up to 1e-4. Good enough for keypoints. A tolerance
+/// below 1e-6 is raised to it: rounding leaves more than that.
 ScaleSpaceF compute_scale_space_single(const DiffusionOperator& op, const Eigen::VectorXd& signal,
                                        const ScaleSpaceOptions& options = {}, RunControl run = {});
 

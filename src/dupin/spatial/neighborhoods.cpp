@@ -432,6 +432,29 @@ void NeighborSearch::visit_nearest(const Points& queries, int k,
                         const NeighborVisitor& visit) { searcher.visit_nearest(batch, visit); });
 }
 
+NeighborTable NeighborSearch::nearest(const Points& queries, int k, const RunControl& run) const {
+  NeighborTable table;
+  table.index.setConstant(queries.rows(), std::clamp<Index>(k, 0, size()), -1);
+  table.squared.setConstant(queries.rows(), table.index.cols(),
+                            std::numeric_limits<double>::infinity());
+  visit_nearest(
+      queries, k,
+      [&]() -> NeighborVisitor {
+        return [&, order = std::vector<Neighbor>()](Index query, std::span<const int32_t> index,
+                                                    std::span<const double> squared) mutable {
+          order.resize(index.size());
+          for (size_t j = 0; j < index.size(); ++j) order[j] = {squared[j], index[j]};
+          std::sort(order.begin(), order.end());
+          for (size_t j = 0; j < order.size(); ++j) {
+            table.index(query, static_cast<Index>(j)) = order[j].second;
+            table.squared(query, static_cast<Index>(j)) = order[j].first;
+          }
+        };
+      },
+      run);
+  return table;
+}
+
 void NeighborSearch::visit_within(const Points& queries, double radius,
                                   const std::function<NeighborVisitor()>& make_visitor,
                                   const RunControl& run) const {

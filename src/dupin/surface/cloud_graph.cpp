@@ -15,7 +15,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/math/symmetric3.h"
-#include "dupin/spatial/nearest.h"
+#include "dupin/spatial/neighborhoods.h"
 
 namespace dupin {
 namespace {
@@ -25,12 +25,27 @@ using Eigen::RowVector3d;
 using std::int32_t;
 using std::size_t;
 
+// Points as far as the last of the k nearest are neighbours too, up to so many: which of them came
+// first in the input must not matter. A square grid needs four.
+constexpr int kMaxTied = 8;
+constexpr double kTie = 1.0 + 1e-9;  // of squared distances
+
+// Columns of row v of the table that hold its `wanted` nearest other points and those tied with the
+// last. Without ties wanted + 1, for the point itself is there.
+Index num_nearest(const NeighborTable& table, Index v, int wanted) {
+  const Index last = std::min<Index>(wanted, table.index.cols() - 1);
+  const double reach = kTie * table.squared(v, last);
+  Index count = last + 1;
+  while (count < table.index.cols() && table.squared(v, count) <= reach) ++count;
+  return count;
+}
+
 // Union of "j is near i" and "i is near j", coincident points included; rows sorted, without
 // repetition. Empty when cancelled.
 Adjacency symmetric_graph(const NeighborTable& table, int neighbors, const RunControl& run) {
   const Index num_points = table.index.rows();
   // An int32 offset holds twice as many entries as are joined.
-  if (2 * num_points * neighbors > std::numeric_limits<int32_t>::max()) {
+  if (2 * num_points * (neighbors + kMaxTied) > std::numeric_limits<int32_t>::max()) {
     throw Error(Errc::over_limit, "E_TOO_LARGE",
                 std::to_string(num_points) + " points with " + std::to_string(neighbors) +
                     " neighbours each are too many",
@@ -39,11 +54,10 @@ Adjacency symmetric_graph(const NeighborTable& table, int neighbors, const RunCo
   const auto for_each_pair = [&](auto&& action) {
     for (Index v = 0; v < num_points; ++v) {
       if (v % 4096 == 0 && run.cancelled()) return false;
-      int taken = 0;
-      for (Index j = 0; j < table.index.cols() && taken < neighbors; ++j) {
+      const Index nearest = num_nearest(table, v, neighbors);
+      for (Index j = 0; j < nearest; ++j) {
         if (table.index(v, j) == v) continue;
         action(static_cast<size_t>(v), static_cast<size_t>(table.index(v, j)));
-        ++taken;
       }
     }
     return true;
@@ -106,17 +120,18 @@ Points unit_normals(const Points& given, std::vector<std::uint8_t>& is_given, In
   return normals;
 }
 
-Points plane_normals(const Points& points, const NeighborTable& table, const RunControl& run) {
+Points plane_normals(const Points& points, const NeighborTable& table, int neighbors,
+                     const RunControl& run) {
   Points normals = Points::Zero(points.rows(), 3);
   parallel_for(0, points.rows(), 1024, [&](Index first, Index last) {
     if (run.cancelled()) return;
     for (Index v = first; v < last; ++v) {
+      const Index nearest = num_nearest(table, v, neighbors);
       RowVector3d mean = RowVector3d::Zero();
-      for (Index j = 0; j < table.index.cols(); ++j)
-        mean += points.row(table.index(v, j)) - points.row(v);
-      mean /= static_cast<double>(table.index.cols());
+      for (Index j = 0; j < nearest; ++j) mean += points.row(table.index(v, j)) - points.row(v);
+      mean /= static_cast<double>(nearest);
       Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-      for (Index j = 0; j < table.index.cols(); ++j) {
+      for (Index j = 0; j < nearest; ++j) {
         const RowVector3d d = points.row(table.index(v, j)) - points.row(v) - mean;
         scatter += d.transpose() * d;
       }
@@ -214,9 +229,9 @@ CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& o
     }
   }
   CloudGraph graph;
-  const int wanted = std::max(options.neighbors, options.normal_neighbors) + 1;
+  const int wanted = std::max(options.neighbors, options.normal_neighbors) + 1 + kMaxTied;
   const int k = static_cast<int>(std::min<Index>(wanted, num_points));
-  const NeighborTable table = PointIndex(cloud.points).nearest(cloud.points, k, run);
+  const NeighborTable table = NeighborSearch(cloud.points).nearest(cloud.points, k, run);
   run.report(0.5);
   if (run.cancelled()) {
     graph.status = Status::cancelled;
@@ -229,7 +244,7 @@ CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& o
   const auto num_given = std::count(is_given.begin(), is_given.end(), std::uint8_t{1});
   if (num_given < num_points && !run.cancelled()) {
     if (!is_given.empty()) graph.num_estimated_normals = num_points - num_given;
-    const Points estimated = plane_normals(cloud.points, table, run);
+    const Points estimated = plane_normals(cloud.points, table, options.normal_neighbors, run);
     if (is_given.empty()) graph.normals = estimated;
     for (size_t v = 0; v < is_given.size(); ++v) {
       const auto row = static_cast<Index>(v);

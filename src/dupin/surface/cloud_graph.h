@@ -13,8 +13,9 @@ namespace dupin {
 
 /// Options of build_cloud_graph().
 struct CloudGraphOptions {
-  int neighbors = 8;  ///< ring of a point: it and its so many nearest are joined both ways, >= 3
-  int normal_neighbors = 16;  ///< points in the plane fit of a normal, >= 3
+  int neighbors = 8;  ///< ring of a point: it and its so many nearest are joined both ways, >= 3;
+                      ///< of points as far as the last, up to eight more
+  int normal_neighbors = 16;  ///< points in the plane fit of a normal, >= 3; the same holds
 };
 
 /// What a bare point cloud needs to be treated like a mesh: rings, normals, and where it ends.

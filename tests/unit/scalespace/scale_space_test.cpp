@@ -284,6 +284,22 @@ TEST(ScaleSpace, SinglePrecisionIsGoodToFiveDigits) {
             0.0);  // it is another path
 }
 
+// Rounding in single precision leaves more than 1e-6, so no products are spent on less.
+TEST(ScaleSpace, SinglePrecisionTakesNoMoreTermsThanItCanUse) {
+  const Case c = umbrella_case(make_torus(1.0, 0.4, 2'000).mesh);
+  const VectorXd f = random_signal(c.op.num_vertices, 7);
+  const auto degree = [&](double tolerance) {
+    ScaleSpaceOptions options;
+    options.tolerance = tolerance;
+    const ScaleSpaceF single = compute_scale_space_single(c.op, f, options);
+    EXPECT_LE(single.error_bound, std::max(tolerance, 1e-6));
+    return single.degree;
+  };
+  EXPECT_EQ(degree(1e-8), degree(1e-6));
+  EXPECT_LT(degree(1e-6), compute_scale_space(c.op, f).degree);
+  EXPECT_LT(degree(1e-4), degree(1e-6));
+}
+
 TEST(ScaleSpace, AnIsolatedVertexKeepsItsValue) {
   Mesh mesh = make_icosphere(1.0, 1).mesh;
   mesh.points.conservativeResize(mesh.points.rows() + 1, 3);

@@ -16,7 +16,6 @@
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
-#include "dupin/spatial/nearest.h"
 
 namespace dupin {
 namespace {
@@ -247,15 +246,19 @@ TEST(NeighborSearch, FindsAllPointsWithinARadius) {
   expect_brute_force_within(Points::Constant(200, 3, 0.7), Points::Constant(60, 3, 0.7), 1e-9);
 }
 
-// Large enough for many blocks; the peer is exact but for ties, and here are none.
-TEST(NeighborSearch, AgreesWithThePointIndexOnAScan) {
+// Large enough for many blocks. The table holds the sets that are visited, nearest first, and a few
+// rows of it are those of brute force.
+TEST(NeighborSearch, TablesAreSortedAndExactOnAScan) {
   const Points points =
       stacked(make_bumpy_sphere(1.0, 20'000, {60, 0.05, 0.06, 1}).surface.mesh.points,
               random_cube(2000, -1.5, 1.5, 15));
-  const NeighborTable table = PointIndex(points).nearest(points, 40);
-  Visited actual = nearest(NeighborSearch(points), points, 40);
+  const NeighborSearch search(points);
+  const NeighborTable table = search.nearest(points, 40);
+  Visited visited = nearest(search, points, 40);
+  ASSERT_EQ(table.index.rows(), points.rows());
+  ASSERT_EQ(table.index.cols(), 40);
   for (Index q = 0; q < points.rows(); ++q) {
-    Row& row = actual.rows[static_cast<size_t>(q)];
+    Row& row = visited.rows[static_cast<size_t>(q)];
     std::sort(row.begin(), row.end());
     ASSERT_EQ(row.size(), 40U);
     for (Index j = 0; j < 40; ++j) {
@@ -263,6 +266,21 @@ TEST(NeighborSearch, AgreesWithThePointIndexOnAScan) {
           << "query " << q;
     }
   }
+  for (Index q = 0; q < points.rows(); q += 101) {
+    Row all = all_distances(points, points.row(q));
+    std::partial_sort(all.begin(), all.begin() + 40, all.end());
+    for (Index j = 0; j < 40; ++j)
+      EXPECT_EQ(all[static_cast<size_t>(j)].second, table.index(q, j)) << "query " << q;
+  }
+}
+
+TEST(NeighborSearch, ACancelledTableMarksTheRowsItDidNotReach) {
+  const Points points = random_cube(500, -1.0, 1.0, 3);
+  const RunControl run = RunControl::create();
+  run.cancel();
+  const NeighborTable table = NeighborSearch(points).nearest(points, 5, run);
+  EXPECT_EQ(table.index.maxCoeff(), -1);
+  EXPECT_EQ(table.squared.minCoeff(), std::numeric_limits<double>::infinity());
 }
 
 // Same sequence, not only the same set: sums over neighbours then have the same bits.

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "dupin/base/error.h"
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
-#include "dupin/spatial/nearest.h"
 
 namespace dupin {
 namespace {
@@ -25,29 +25,36 @@ Points random_points(Index count, std::uint64_t seed) {
   return points;
 }
 
-// Against brute force: distances must agree; indices may differ only in ties, which random points
-// do not have.
-TEST(PointIndex, FindsWhatBruteForceFinds) {
-  const Points points = random_points(500, 1);
-  const Points queries = random_points(50, 2);
-  const NeighborTable table = PointIndex(points).nearest(queries, 7);
-  for (Index q = 0; q < queries.rows(); ++q) {
-    std::vector<std::pair<double, std::int32_t>> all;
-    for (Index v = 0; v < points.rows(); ++v) {
-      all.emplace_back((points.row(v) - queries.row(q)).squaredNorm(),
-                       static_cast<std::int32_t>(v));
-    }
-    std::sort(all.begin(), all.end());
-    for (Index j = 0; j < 7; ++j) {
-      EXPECT_EQ(table.index(q, j), all[static_cast<std::size_t>(j)].second);
-      EXPECT_NEAR(table.squared(q, j), all[static_cast<std::size_t>(j)].first, 1e-15);
-    }
-  }
+Points square_grid(Index side) {
+  Points points(side * side, 3);
+  for (Index v = 0; v < points.rows(); ++v)
+    points.row(v) << static_cast<double>(v % side), static_cast<double>(v / side), 0.0;
+  return points;
 }
 
-TEST(PointIndex, RefusesMoreNeighboursThanPoints) {
-  EXPECT_THROW(PointIndex(random_points(5, 1)).nearest(random_points(1, 2), 6), InvalidArgument);
-  EXPECT_THROW(PointIndex(random_points(5, 1)).nearest(random_points(1, 2), 0), InvalidArgument);
+// A grid is all ties: which of them came first in the input must not choose the neighbours.
+TEST(CloudGraph, DoesNotDependOnTheOrderOfThePoints) {
+  const Points points = square_grid(17);
+  std::vector<std::int32_t> to(static_cast<std::size_t>(points.rows()));
+  std::iota(to.begin(), to.end(), 0);
+  Rng rng(5);
+  for (std::size_t i = to.size() - 1; i > 0; --i) std::swap(to[i], to[rng.below(i + 1)]);
+  Points shuffled(points.rows(), 3);
+  for (Index v = 0; v < points.rows(); ++v)
+    shuffled.row(to[static_cast<std::size_t>(v)]) = points.row(v);
+  for (const int neighbors : {3, 5, 6, 8, 10}) {
+    const Adjacency ring = build_cloud_graph({points, {}}, {neighbors, 16}).ring;
+    const Adjacency other = build_cloud_graph({shuffled, {}}, {neighbors, 16}).ring;
+    for (Index v = 0; v < points.rows(); ++v) {
+      std::vector<std::int32_t> expected;
+      for (const std::int32_t* j = ring.begin(v); j != ring.end(v); ++j)
+        expected.push_back(to[static_cast<std::size_t>(*j)]);
+      std::sort(expected.begin(), expected.end());
+      const Index w = to[static_cast<std::size_t>(v)];
+      EXPECT_EQ(std::vector<std::int32_t>(other.begin(w), other.end(w)), expected)
+          << neighbors << " neighbours of point " << v;
+    }
+  }
 }
 
 // A sphere without faces: normals must be radial, and one orientation (outward, since the start is
