@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <utility>
 
+#include "dupin/mesh/topology.h"
+
 namespace dupin {
 
 EdgeTable compute_edge_table(const Triangles& triangles, Eigen::Index num_vertices) {
   using std::int32_t;
   using std::size_t;
+  require_indexable(triangles.rows());
   const auto num_half_edges = static_cast<int32_t>(3 * triangles.rows());
   // Bucketed by lower end, then sorted by higher end inside the bucket.
   std::vector<int32_t> bucket(static_cast<size_t>(num_vertices) + 1, 0);

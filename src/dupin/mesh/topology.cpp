@@ -1,6 +1,7 @@
 #include "dupin/mesh/topology.h"
 
 #include <algorithm>
+#include <limits>
 #include <string>
 
 #include "dupin/base/error.h"
@@ -40,7 +41,16 @@ void bucket_edges(const Triangles& triangles, Index num_vertices, std::vector<in
 
 }  // namespace
 
+void require_indexable(Index num_faces) {
+  constexpr Index kMostFaces = std::numeric_limits<int32_t>::max() / 6;
+  if (num_faces <= kMostFaces) return;
+  throw Error(Errc::over_limit, "E_TOO_LARGE",
+              std::to_string(num_faces) + " faces are more than " + std::to_string(kMostFaces), {},
+              "a smaller surface, or one part after another");
+}
+
 MeshTopology compute_topology(const Triangles& triangles, Index num_vertices) {
+  require_indexable(triangles.rows());
   if (triangles.size() > 0 && (triangles.minCoeff() < 0 || triangles.maxCoeff() >= num_vertices)) {
     throw InvalidArgument("triangles: an index is outside 0 to " +
                           std::to_string(num_vertices - 1));

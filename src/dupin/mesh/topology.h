@@ -39,9 +39,13 @@ struct MeshTopology {
   Eigen::Index num_nonmanifold_edges = 0;  ///< edges with more than two faces
 };
 
+/// So many triangles can be indexed: each has six directed edges, counted in int32.
+/// @throws Error(Errc::over_limit) E_TOO_LARGE above 357,913,941
+void require_indexable(Eigen::Index num_faces);
+
 /// Topology of `triangles` (#F by 3) over `num_vertices` vertices. Repeated indices in a triangle
 /// make no edge. Cost: O(V + F log valence), any valence.
-/// @throws InvalidArgument if an index is out of range.
+/// @throws InvalidArgument if an index is out of range; Error as require_indexable()
 MeshTopology compute_topology(const Triangles& triangles, Eigen::Index num_vertices);
 
 /// Component of every vertex over `ring`, numbered by smallest member from 0; isolated vertices are

@@ -57,6 +57,12 @@ TEST(Topology, RefusesAnIndexOutOfRange) {
   EXPECT_THROW(compute_topology(triangles, 2), InvalidArgument);
 }
 
+// Offsets are int32 and a triangle has six directed edges.
+TEST(Topology, RefusesMoreFacesThanCanBeIndexed) {
+  EXPECT_NO_THROW(require_indexable(357'913'941));
+  EXPECT_THROW(require_indexable(357'913'942), Error);
+}
+
 TEST(Mesh, ValidateNamesTheFirstBadVertex) {
   Mesh mesh = tetrahedron();
   mesh.points(2, 1) = HUGE_VAL;
