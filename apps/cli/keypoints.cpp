@@ -194,7 +194,7 @@ Found find(Context& context, const KeypointRequest& request) {
                           std::to_string(signal.columns.cols()));
   }
   found.response_unit = signal.to_input;
-  const DiffusionOperator op = make_operator(found.surface, request.stack.weights);
+  const DiffusionOperator op = make_operator(found.surface, request.stack, context);
   ScaleSpaceOptions options = stack_options(request.stack);
   options.want_levels = false;
   const ScaleSpace stack =

@@ -45,14 +45,15 @@ struct Stacks {
 Stacks compute(LoadedSurface& surface, const StackRequest& request, const SignalColumns& signal,
                Context& context) {
   Stacks stacks;
-  const DiffusionOperator op = make_operator(surface, request.weights);
+  const DiffusionOperator op = make_operator(surface, request, context);
   const auto start = std::chrono::steady_clock::now();
   const auto count = static_cast<double>(signal.columns.cols());
   for (Index c = 0; c < signal.columns.cols(); ++c) {
     const RunControl part = context.run.stage(0.25 + 0.7 * static_cast<double>(c) / count,
                                               0.25 + 0.7 * static_cast<double>(c + 1) / count);
-    stacks.columns.push_back(
-        compute_scale_space(op, signal.columns.col(c), stack_options(request), part));
+    ScaleSpaceOptions options = stack_options(request);
+    options.want_loc = request.signal != "tensor";
+    stacks.columns.push_back(compute_scale_space(op, signal.columns.col(c), options, part));
     context.run.throw_if_cancelled();
   }
   stacks.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

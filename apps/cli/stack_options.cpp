@@ -97,9 +97,10 @@ void add_stack_options(CLI::App& verb, StackRequest& request) {
       ->group("Stack");
 }
 
-DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weights) {
+DiffusionOperator make_operator(LoadedSurface& surface, const StackRequest& request,
+                                const Context& context) {
   const SurfaceGraph& graph = surface.graph;
-  if (weights == "umbrella") {
+  if (request.weights == "umbrella") {
     return umbrella_operator(graph.topology.ring, graph.is_mesh() ? &graph.topology : nullptr);
   }
   if (!graph.is_mesh()) {
@@ -107,10 +108,13 @@ DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weigh
                         "--weights umbrella");
   }
   const CotanWeights cotan = cotan_weights({graph.points, graph.triangles}, graph.topology);
-  surface.warnings.add("W_WEIGHT_CLAMPED", "an edge",
-                       "negative or needle cotan weights were clamped", cotan.num_clamped_weights);
-  surface.warnings.add("W_MASS_CLAMPED", "a vertex",
-                       "vertex areas below 5 % of the mean were raised", cotan.num_clamped_masses);
+  WarningList clamped;
+  clamped.add("W_WEIGHT_CLAMPED", "edge at " + place_of(surface, cotan.first_clamped_weight),
+              "negative or needle cotan weights were clamped", cotan.num_clamped_weights);
+  clamped.add("W_MASS_CLAMPED", place_of(surface, cotan.first_clamped_mass),
+              "vertex areas below 5 % of the mean were raised", cotan.num_clamped_masses);
+  context.report(request.mesh, clamped);
+  surface.warnings.append(clamped);
   return cotan_operator(graph.topology.ring, cotan, graph.mean_edge);
 }
 

@@ -24,8 +24,10 @@ struct StackRequest {
 
 void add_stack_options(CLI::App& verb, StackRequest& request);
 
-/// The operator of a surface. Clamped cotan weights and masses are added to its warnings.
-DiffusionOperator make_operator(LoadedSurface& surface, const std::string& weights);
+/// The operator of a surface. Clamped cotan weights and masses are reported and added to its
+/// warnings.
+DiffusionOperator make_operator(LoadedSurface& surface, const StackRequest& request,
+                                const Context& context);
 
 /// Columns to be smoothed (#A by C) in local units, and what one local unit of them is in the
 /// input.

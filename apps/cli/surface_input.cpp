@@ -60,8 +60,13 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
   out.input_vertex = finite_points(file.mesh.points);
   if (out.input_vertex.empty()) throw AnalysisError("E_NO_VERTICES", "the file has no points");
   const auto dropped = out.num_input_vertices - static_cast<Index>(out.input_vertex.size());
-  out.warnings.add("W_NONFINITE_DROPPED", "a point", "points that are not finite were dropped",
-                   dropped);
+  Index first_dropped = 0;
+  while (first_dropped < static_cast<Index>(out.input_vertex.size()) &&
+         out.input_vertex[static_cast<std::size_t>(first_dropped)] == first_dropped) {
+    ++first_dropped;
+  }
+  out.warnings.add("W_NONFINITE_DROPPED", fmt::format("point {}", first_dropped),
+                   "points that are not finite were dropped", dropped);
   context.report(path, out.warnings);
   out.analysis_vertex.assign(static_cast<std::size_t>(out.num_input_vertices), -1);
   PointCloud cloud;
@@ -82,9 +87,9 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
   out.graph = surface_graph(cloud, options, context.run.stage(0.1, 0.2));
   context.run.throw_if_cancelled();
   WarningList of_normals;
-  of_normals.add("W_NORMAL_LENGTH", "a normal", "normals that are no unit vectors were rescaled",
-                 out.graph.num_rescaled_normals);
-  of_normals.add("W_NORMAL_ESTIMATED", "a normal",
+  of_normals.add("W_NORMAL_LENGTH", place_of(out, out.graph.first_rescaled_normal),
+                 "normals that are no unit vectors were rescaled", out.graph.num_rescaled_normals);
+  of_normals.add("W_NORMAL_ESTIMATED", place_of(out, out.graph.first_estimated_normal),
                  "normals that are zero or not finite were estimated",
                  out.graph.num_estimated_normals);
   context.report(path, of_normals);
@@ -101,6 +106,12 @@ Eigen::VectorXd LoadedSurface::to_input(const Eigen::VectorXd& values, double mi
     if (a >= 0) result[v] = values[a];
   }
   return result;
+}
+
+std::string place_of(const LoadedSurface& surface, Index vertex) {
+  if (vertex < 0) return "nowhere";
+  return fmt::format("{} {}", surface.graph.is_mesh() ? "vertex" : "point",
+                     surface.input_vertex[static_cast<std::size_t>(vertex)]);
 }
 
 LoadedSurface to_loaded_surface(const PolygonMesh& mesh, const std::string& name,

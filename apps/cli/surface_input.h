@@ -37,6 +37,9 @@ Error in_file(const Error& error, const std::string& file);
 /// `file` in its own unit
 void require_range(bool is_finite, const std::string& what, const std::string& file);
 
+/// A vertex of the analysis as people know it: "vertex 5" or "point 5" of the input.
+std::string place_of(const LoadedSurface& surface, Eigen::Index vertex);
+
 /// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
 /// Warnings go to `context` as well.
 /// @throws Error of read_surface(), heal(), build_cloud_graph(); Errc::interrupted when cancelled

@@ -99,7 +99,7 @@ Adjacency symmetric_graph(const NeighborTable& table, int neighbors, const RunCo
 }
 
 // Unit vectors of the given normals; is_given is 0 where one is zero or not finite.
-Points unit_normals(const Points& given, std::vector<std::uint8_t>& is_given, Index& num_rescaled) {
+Points unit_normals(const Points& given, std::vector<std::uint8_t>& is_given, CloudGraph& graph) {
   Points normals = Points::Zero(given.rows(), 3);
   is_given.assign(static_cast<size_t>(given.rows()), 0);
   for (Index v = 0; v < given.rows(); ++v) {
@@ -115,7 +115,8 @@ Points unit_normals(const Points& given, std::vector<std::uint8_t>& is_given, In
     const double length = direction.norm();
     normals.row(v) = direction / length;
     is_given[static_cast<size_t>(v)] = 1;
-    if (largest > 2.0 || std::abs(largest * length - 1.0) > 0.01) ++num_rescaled;
+    const bool is_rescaled = largest > 2.0 || std::abs(largest * length - 1.0) > 0.01;
+    if (is_rescaled && graph.num_rescaled_normals++ == 0) graph.first_rescaled_normal = v;
   }
   return normals;
 }
@@ -240,10 +241,14 @@ CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& o
   graph.ring = symmetric_graph(table, options.neighbors, run);
   std::vector<std::uint8_t> is_given;
   if (cloud.normals.rows() == num_points)
-    graph.normals = unit_normals(cloud.normals, is_given, graph.num_rescaled_normals);
+    graph.normals = unit_normals(cloud.normals, is_given, graph);
   const auto num_given = std::count(is_given.begin(), is_given.end(), std::uint8_t{1});
   if (num_given < num_points && !run.cancelled()) {
-    if (!is_given.empty()) graph.num_estimated_normals = num_points - num_given;
+    if (!is_given.empty()) {
+      graph.num_estimated_normals = num_points - num_given;
+      graph.first_estimated_normal =
+          std::find(is_given.begin(), is_given.end(), std::uint8_t{0}) - is_given.begin();
+    }
     const Points estimated = plane_normals(cloud.points, table, options.normal_neighbors, run);
     if (is_given.empty()) graph.normals = estimated;
     for (size_t v = 0; v < is_given.size(); ++v) {

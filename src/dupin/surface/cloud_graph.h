@@ -25,8 +25,10 @@ struct CloudGraph {
   Points normals;  ///< #V by 3 unit vectors, one orientation per component
   std::vector<std::uint8_t>
       is_boundary;  ///< #V: its neighbours leave a gap of more than 120 degrees around it
-  Eigen::Index num_rescaled_normals = 0;   ///< given with a length that was off by more than 1 %
-  Eigen::Index num_estimated_normals = 0;  ///< given as zero or not finite, and estimated instead
+  Eigen::Index num_rescaled_normals = 0;     ///< given with a length that was off by more than 1 %
+  Eigen::Index num_estimated_normals = 0;    ///< given as zero or not finite, and estimated instead
+  Eigen::Index first_rescaled_normal = -1;   ///< the first of those points; -1: none
+  Eigen::Index first_estimated_normal = -1;  ///< the first of those points; -1: none
 };
 
 /// Symmetric k-nearest graph of `cloud`; normals as given, made of unit length, or, where none or

@@ -41,17 +41,21 @@ CotanWeights cotan_weights(const Mesh& mesh, const MeshTopology& topology,
     }
   }
   Index directed = 0;
-  for (double& weight : result.weight) {
-    const double clamped = std::clamp(weight, 0.0, options.max_weight);
-    directed += clamped != weight ? 1 : 0;
-    weight = clamped;
+  for (Index v = 0; v < ring.num_vertices(); ++v) {
+    for (const std::int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
+      double& weight = result.weight[static_cast<std::size_t>(j - ring.neighbor.data())];
+      const double clamped = std::clamp(weight, 0.0, options.max_weight);
+      if (clamped == weight) continue;
+      weight = clamped;
+      if (directed++ == 0) result.first_clamped_weight = v;
+    }
   }
   result.num_clamped_weights = directed / 2;
   const double floor = options.min_mass * (mesh.points.rows() > 0 ? result.mass.mean() : 0.0);
   for (Index v = 0; v < result.mass.size(); ++v) {
     if (result.mass[v] >= floor && result.mass[v] > 0.0) continue;
     result.mass[v] = floor > 0.0 ? floor : 1.0;
-    ++result.num_clamped_masses;
+    if (result.num_clamped_masses++ == 0) result.first_clamped_mass = v;
   }
   return result;
 }

@@ -14,8 +14,10 @@ namespace dupin {
 struct CotanWeights {
   std::vector<double> weight;  ///< aligned with ring.neighbor: (cot alpha + cot beta) / 2, >= 0 [-]
   Eigen::VectorXd mass;        ///< #V: a third of the area of the faces around [mu^2], > 0
-  Eigen::Index num_clamped_weights = 0;  ///< edges whose weight was negative or too large
-  Eigen::Index num_clamped_masses = 0;   ///< vertices whose mass was below the floor
+  Eigen::Index num_clamped_weights = 0;    ///< edges whose weight was negative or too large
+  Eigen::Index num_clamped_masses = 0;     ///< vertices whose mass was below the floor
+  Eigen::Index first_clamped_weight = -1;  ///< a vertex of the first of those edges; -1: none
+  Eigen::Index first_clamped_mass = -1;    ///< the first of those vertices; -1: none
 };
 
 /// Options of cotan_weights().

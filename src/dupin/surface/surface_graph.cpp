@@ -1,5 +1,7 @@
 #include "dupin/surface/surface_graph.h"
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -8,6 +10,22 @@
 #include "dupin/surface/height_signal.h"
 
 namespace dupin {
+namespace {
+
+// Squares of larger coordinates overflow and those of a smaller surface vanish.
+void require_safe_squares(const Points& points) {
+  constexpr double kLargest = 1e150;
+  double size = 0.0;
+  for (Eigen::Index i = 0; i < points.size(); ++i) {
+    if (std::abs(points.data()[i]) > kLargest)
+      throw AnalysisError("E_RANGE", "a coordinate is beyond 1e150", "scale the points first");
+    size = std::max(size, std::abs(points.data()[i] - points.data()[i % 3]));
+  }
+  if (size > 0.0 && size < 1.0 / kLargest)
+    throw AnalysisError("E_RANGE", "the surface is smaller than 1e-150", "scale the points first");
+}
+
+}  // namespace
 
 SurfaceGraph surface_graph(const Mesh& mesh, const std::vector<std::uint8_t>& is_guarded) {
   validate(mesh);
@@ -16,6 +34,7 @@ SurfaceGraph surface_graph(const Mesh& mesh, const std::vector<std::uint8_t>& is
                           " entries, the mesh has " + std::to_string(mesh.points.rows()) +
                           " vertices");
   }
+  require_safe_squares(mesh.points);
   SurfaceGraph graph;
   graph.points = mesh.points;
   graph.triangles = mesh.triangles;
@@ -38,6 +57,7 @@ SurfaceGraph surface_graph(const Mesh& mesh, const std::vector<std::uint8_t>& is
 
 SurfaceGraph surface_graph(const PointCloud& cloud, const CloudGraphOptions& options,
                            RunControl run) {
+  require_safe_squares(cloud.points);
   CloudGraph built = build_cloud_graph(cloud, options, run);
   SurfaceGraph graph;
   graph.status = built.status;
@@ -50,6 +70,8 @@ SurfaceGraph surface_graph(const PointCloud& cloud, const CloudGraphOptions& opt
   graph.is_guarded = std::move(built.is_boundary);
   graph.num_rescaled_normals = built.num_rescaled_normals;
   graph.num_estimated_normals = built.num_estimated_normals;
+  graph.first_rescaled_normal = built.first_rescaled_normal;
+  graph.first_estimated_normal = built.first_estimated_normal;
   return graph;
 }
 

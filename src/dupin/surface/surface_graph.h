@@ -20,18 +20,22 @@ struct SurfaceGraph {
   Triangles triangles;     ///< #F by 3; empty for a cloud
   MeshTopology topology;   ///< ring of a mesh or neighbour graph of a cloud; faces only for a mesh
   double mean_edge = 0.0;  ///< mean length of the edges of the ring [mu]
-  std::vector<std::uint8_t> is_guarded;    ///< #V: no keypoint here (boundary, split)
-  Eigen::Index num_rescaled_normals = 0;   ///< of a cloud, see CloudGraph
-  Eigen::Index num_estimated_normals = 0;  ///< of a cloud, see CloudGraph
+  std::vector<std::uint8_t> is_guarded;      ///< #V: no keypoint here (boundary, split)
+  Eigen::Index num_rescaled_normals = 0;     ///< of a cloud, see CloudGraph
+  Eigen::Index num_estimated_normals = 0;    ///< of a cloud, see CloudGraph
+  Eigen::Index first_rescaled_normal = -1;   ///< of a cloud, see CloudGraph
+  Eigen::Index first_estimated_normal = -1;  ///< of a cloud, see CloudGraph
 
   bool is_mesh() const { return triangles.rows() > 0; }
 };
 
 /// Graph of a triangle mesh. `is_guarded` (#V or empty) is added to the boundary.
-/// @throws InvalidArgument as validate(mesh), or if is_guarded has another size. Cost: O(V + F).
+/// @throws InvalidArgument as validate(mesh), or if is_guarded has another size; AnalysisError
+/// E_RANGE if a coordinate is beyond 1e150 or the whole surface smaller than 1e-150: squares would
+/// leave the range of a double. heal() makes every surface fit. Cost: O(V + F).
 SurfaceGraph surface_graph(const Mesh& mesh, const std::vector<std::uint8_t>& is_guarded = {});
 
-/// Graph of a point cloud, see build_cloud_graph().
+/// Graph of a point cloud, see build_cloud_graph(); E_RANGE as of a mesh.
 SurfaceGraph surface_graph(const PointCloud& cloud, const CloudGraphOptions& options = {},
                            RunControl run = {});
 

@@ -12,6 +12,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
+#include "dupin/surface/surface_graph.h"
 
 namespace dupin {
 namespace {
@@ -101,6 +102,21 @@ TEST(CloudGraph, FindsTheRimOfAPlane) {
 
 // Found by fuzz_pipeline: the scatter of points at 1e300 is infinite, and the eigenproblem threw
 // from a worker.
+// A surface whose squares leave the range of a double has no lengths.
+TEST(SurfaceGraph, RefusesWhatIsTooSmallOrTooLargeToMeasure) {
+  const Mesh mesh = make_icosphere(1.0, 1).mesh;
+  for (const double unit : {1e-170, 1e160}) {
+    const Points points = unit * mesh.points;
+    EXPECT_THROW(surface_graph(Mesh{points, mesh.triangles}), AnalysisError) << unit;
+    EXPECT_THROW(surface_graph(PointCloud{points, {}}), AnalysisError) << unit;
+  }
+  for (const double unit : {1e-140, 1e140}) {
+    const Points points = unit * mesh.points;
+    const SurfaceGraph graph = surface_graph(Mesh{points, mesh.triangles});
+    EXPECT_NEAR(graph.mean_edge / unit, surface_graph(mesh).mean_edge, 1e-12);
+  }
+}
+
 TEST(CloudGraph, RefusesCoordinatesWhoseSquaresOverflow) {
   const Points points = 1e300 * random_points(20, 4);
   try {
@@ -127,7 +143,9 @@ TEST(CloudGraph, NormalsNeedNotBeUnitVectors) {
   PointCloud cloud{sphere.points, -1000.0 * sphere.points};
   const CloudGraph all = build_cloud_graph(cloud);
   EXPECT_EQ(all.num_rescaled_normals, cloud.points.rows());
+  EXPECT_EQ(all.first_rescaled_normal, 0);
   EXPECT_EQ(all.num_estimated_normals, 0);
+  EXPECT_EQ(all.first_estimated_normal, -1);
   EXPECT_LE((all.normals + sphere.points).cwiseAbs().maxCoeff(), 1e-12);
   for (Eigen::Index v = 0; v < cloud.points.rows(); v += 3) {
     cloud.normals.row(v).setConstant(v % 2 == 0 ? 0.0 : std::nan(""));

@@ -53,6 +53,7 @@ TEST(CotanWeights, CountWhatTheyClamp) {
   mesh.triangles << 0, 1, 2, 1, 0, 3;
   const CotanWeights weights = cotan_weights(mesh, compute_topology(mesh.triangles, 4));
   EXPECT_EQ(weights.num_clamped_weights, 1);
+  EXPECT_GE(weights.first_clamped_weight, 0);
   for (const double w : weights.weight) EXPECT_GE(w, 0.0);
   EXPECT_GT(weights.mass.minCoeff(), 0.0);
 }
@@ -62,6 +63,7 @@ TEST(CotanWeights, AreSymmetricAndTheirMassesAddUpToTheArea) {
   const MeshTopology topology = compute_topology(mesh.triangles, mesh.points.rows());
   const CotanWeights weights = cotan_weights(mesh, topology);
   EXPECT_EQ(weights.num_clamped_masses, 0);
+  EXPECT_EQ(weights.first_clamped_mass, -1);
   EXPECT_NEAR(weights.mass.sum(), surface_area(mesh), 1e-9);
   const Adjacency& ring = topology.ring;
   for (Index v = 0; v < ring.num_vertices(); ++v) {
