@@ -8,7 +8,9 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <mutex>
 #include <thread>
 
@@ -91,6 +93,21 @@ void tell_error(const Error& error) {
   if (!error.hint().empty()) fmt::print(stderr, "  hint: {}\n", error.hint());
 }
 
+int report_error(const Context& context, const Error& error) {
+  tell_error(error);
+  const int signal = context.last_signal != 0 ? static_cast<int>(context.last_signal) : SIGINT;
+  const int exit_code =
+      error.errc() == Errc::interrupted ? 128 + signal : static_cast<int>(error.errc());
+  if (context.json) {
+    nlohmann::ordered_json document{{"error", to_json(error)}};
+    document["error"]["exit"] = exit_code;
+    const std::string text = to_text(document);
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    std::fflush(stdout);
+  }
+  return exit_code;
+}
+
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
   set_thread_count(context.threads);
   const auto require_time = [&] {
@@ -99,7 +116,7 @@ void with_progress(Context& context, const std::string& what, const std::functio
                 fmt::format("not done after {} s", context.timeout_seconds), {}, "raise --timeout");
   };
   require_time();
-  // The watcher draws the bar and keeps --timeout; it never touches the result.
+  // The watcher draws the bar, keeps --timeout and makes Ctrl-C final; it never touches the result.
   const bool draw = !context.quiet && isatty(STDERR_FILENO) == 1;
   std::mutex mutex;
   std::condition_variable wake;
@@ -110,10 +127,19 @@ void with_progress(Context& context, const std::string& what, const std::functio
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
     const auto start = std::chrono::steady_clock::now();
+    auto signalled = std::chrono::steady_clock::time_point::max();
     while (!wake.wait_for(lock, std::chrono::milliseconds(50), [&] { return done; })) {
       if (context.timeout_seconds > 0.0 && seconds_since(context.start) > context.timeout_seconds) {
         context.timed_out = true;
         context.run.cancel();
+      }
+      if (context.last_signal != 0) {
+        signalled = std::min(signalled, std::chrono::steady_clock::now());
+        if (seconds_since(signalled) > 0.3) {
+          if (draw) fmt::print(stderr, "\r\033[K");
+          std::_Exit(
+              report_error(context, Error(Errc::interrupted, "E_INTERRUPTED", "interrupted")));
+        }
       }
       if (draw && seconds_since(start) > 0.5) {
         fmt::print(stderr, "{}", bar(what, context.run.progress(), seconds_since(start)));
@@ -122,10 +148,8 @@ void with_progress(Context& context, const std::string& what, const std::functio
     }
     if (draw) fmt::print(stderr, "\r\033[K");
   };
-  std::thread watcher;
-  if (draw || context.timeout_seconds > 0.0) watcher = std::thread(watch);
+  std::thread watcher(watch);
   const auto finish = [&] {
-    if (!watcher.joinable()) return;
     {
       const std::lock_guard<std::mutex> lock(mutex);
       done = true;

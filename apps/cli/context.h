@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -26,9 +27,10 @@ struct Context {
   ReadOptions read;
   RunControl run = RunControl::create();
   std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
-  std::atomic<bool> timed_out{false};  ///< then `run` is cancelled, and for good
-  int exit_code = 0;                   ///< set by a verb whose answer is "no"
-  bool is_stdout_taken = false;        ///< by an output: then nothing is said there
+  std::atomic<bool> timed_out{false};          ///< then `run` is cancelled, and for good
+  volatile std::sig_atomic_t last_signal = 0;  ///< that cancelled the run; 0: none
+  int exit_code = 0;                           ///< set by a verb whose answer is "no"
+  bool is_stdout_taken = false;                ///< by an output: then nothing is said there
 
   /// Prints `document` on stdout when --json was given (and nothing else ever goes there then).
   void print_json(const nlohmann::ordered_json& document) const;
@@ -46,6 +48,10 @@ nlohmann::ordered_json to_json(const Error& error);
 std::string to_text(const nlohmann::ordered_json& document);
 /// "dupin: FILE:LINE: E_CODE: ..." and the hint, on stderr.
 void tell_error(const Error& error);
+
+/// tell_error(), and the error as the JSON document when JSON was asked for. Returns the exit code:
+/// for an interruption 130 or 143, what a shell expects of a program that the signal ended.
+int report_error(const Context& context, const Error& error);
 
 /// The format of an output, one of `legal`: the extension of `path` in lower case; for "-",
 /// standard output, `named` by --format, or the only legal one. From then on nothing else is said
@@ -67,7 +73,8 @@ void add_global_options(CLI::App& verb, Context& context);
 
 /// Runs `work` on context.threads threads with a progress bar on a terminal; throws
 /// Error(Errc::interrupted) when it was cancelled and E_TIMEOUT when --timeout has passed, at once
-/// if it had before.
+/// if it had before. Work that has not heeded a signal within 0.3 s is abandoned: the program ends
+/// there, reported as above. Outputs are atomic, so none is left half written.
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work);
 
 // One function a verb, in a file of its name. Each adds its subcommand; the callback does the work.

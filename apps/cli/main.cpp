@@ -17,38 +17,20 @@ namespace {
 using dupin::Errc;
 using dupin::Error;
 using dupin::cli::Context;
+using dupin::cli::report_error;
 
 // A signal only sets a flag; algorithms look at it. The second one ends the program at once.
 Context* volatile active_context = nullptr;
 volatile std::sig_atomic_t signals_seen = 0;
-volatile std::sig_atomic_t last_signal = SIGINT;
 
 void on_signal(int signal) {
   signals_seen = signals_seen + 1;
-  last_signal = signal;
   if (signals_seen > 1 || active_context == nullptr) std::_Exit(128 + signal);
+  active_context->last_signal = signal;
   active_context->run.cancel();
 }
 
-// 130 or 143: what the shell expects of a program that the signal ended.
-int exit_code_of(Errc errc) {
-  return errc == Errc::interrupted ? 128 + static_cast<int>(last_signal) : static_cast<int>(errc);
-}
-
 constexpr const char* kUsageHint = "dupin --help, or dupin VERB --help";
-
-int report_error(const Context& context, const Error& error) {
-  dupin::cli::tell_error(error);
-  const int exit_code = exit_code_of(error.errc());
-  if (context.json) {
-    nlohmann::ordered_json document{{"error", dupin::cli::to_json(error)}};
-    document["error"]["exit"] = exit_code;
-    const std::string text = dupin::cli::to_text(document);
-    std::fwrite(text.data(), 1, text.size(), stdout);
-    std::fflush(stdout);
-  }
-  return exit_code;
-}
 
 int usage_error(const Context& context, const std::string& message) {
   const std::string line = dupin::escaped(message.substr(0, message.find('\n')), 400);

@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "context.h"
@@ -95,33 +96,42 @@ std::vector<std::string> format_names() {
 void synth_surface(Context& context, const SurfaceRequest& request) {
   const SurfaceFormat format =
       output_formats().at(output_format(context, request.output, request.format, format_names()));
-  const AnalyticSurface surface = makers().at(request.shape)(request, context.seed);
-  NoiseOptions noise;
-  noise.percent = request.noise;
-  noise.model = noise_model(request.noise_model);
-  noise.seed = context.seed;
-  const NoisyMesh noisy = add_noise(surface.mesh, noise);
-
   SurfaceOutput output;
-  output.points = noisy.mesh.points;
-  output.triangles = noisy.mesh.triangles;
-  if (format == SurfaceFormat::ply_binary || format == SurfaceFormat::ply_ascii) {
-    output.properties = {
-        {"k1", surface.k1}, {"k2", surface.k2}, {"H", surface.mean}, {"K", surface.gauss}};
-  }
-  write_surface(request.output, output, format);
-
-  const MeshTopology topology =
-      compute_topology(surface.mesh.triangles, surface.mesh.points.rows());
-  const double mean_edge = mean_edge_length(surface.mesh.points, topology.ring);
+  double sigma = 0.0;
+  double mean_edge = 0.0;
+  with_progress(context, "synth", [&] {
+    AnalyticSurface surface = makers().at(request.shape)(request, context.seed);
+    context.run.throw_if_cancelled();
+    context.run.report(0.4);
+    NoiseOptions noise;
+    noise.percent = request.noise;
+    noise.model = noise_model(request.noise_model);
+    noise.seed = context.seed;
+    NoisyMesh noisy = add_noise(surface.mesh, noise);
+    context.run.throw_if_cancelled();
+    context.run.report(0.6);
+    const MeshTopology topology =
+        compute_topology(surface.mesh.triangles, surface.mesh.points.rows());
+    mean_edge = mean_edge_length(surface.mesh.points, topology.ring);
+    context.run.throw_if_cancelled();
+    context.run.report(0.8);
+    sigma = noisy.sigma;
+    output.points = std::move(noisy.mesh.points);
+    output.triangles = std::move(noisy.mesh.triangles);
+    if (format == SurfaceFormat::ply_binary || format == SurfaceFormat::ply_ascii) {
+      output.properties = {
+          {"k1", surface.k1}, {"k2", surface.k2}, {"H", surface.mean}, {"K", surface.gauss}};
+    }
+    write_surface(request.output, output, format);
+  });
   context.print_json({{"shape", request.shape},
                       {"vertices", output.points.rows()},
                       {"faces", output.triangles.rows()},
                       {"mean_edge_length", mean_edge},
-                      {"noise_sigma", noisy.sigma}});
+                      {"noise_sigma", sigma}});
   context.say(fmt::format("{}: {} vertices, {} faces, mean edge {:.6g}, noise sigma {:.6g}",
                           request.shape, output.points.rows(), output.triangles.rows(), mean_edge,
-                          noisy.sigma));
+                          sigma));
 }
 
 }  // namespace

@@ -23,9 +23,16 @@ void add_version(CLI::App& app, Context& context) {
           {"eigen",
            fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
           {"cli11", CLI11_VERSION},
-          {"fmt", std::to_string(FMT_VERSION)},
+          {"fmt", fmt::format("{}.{}.{}", FMT_VERSION / 10000, FMT_VERSION / 100 % 100,
+                              FMT_VERSION % 100)},
           {"nlohmann_json", fmt::format("{}.{}.{}", NLOHMANN_JSON_VERSION_MAJOR,
-                                        NLOHMANN_JSON_VERSION_MINOR, NLOHMANN_JSON_VERSION_PATCH)}};
+                                        NLOHMANN_JSON_VERSION_MINOR, NLOHMANN_JSON_VERSION_PATCH)},
+          {"boost", DUPIN_BOOST_VERSION},
+          {"zlib", DUPIN_ZLIB_VERSION},
+          {"libpng", DUPIN_PNG_VERSION}};
+#ifdef DUPIN_TBB_VERSION
+      document["dependencies"]["onetbb"] = DUPIN_TBB_VERSION;
+#endif
       for (const auto& [name, value] : document["dependencies"].items()) {
         context.say(fmt::format("  {} {}", name, value.get<std::string>()));
       }

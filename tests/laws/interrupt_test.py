@@ -52,6 +52,22 @@ class Interrupt(Law):
         self.assertGreaterEqual(len(waits), 2, "the run is too short to be interrupted")
         self.assertLessEqual(max(seconds for _, seconds in waits), ALLOWED, waits)
 
+    def test_a_surface_in_the_making(self):
+        waits = []
+        for delay in (0.1, 0.5, 1.2, 2.5):
+            ended = self.interrupted(delay, signal.SIGINT, "synth", "surface", "--shape", "bumpy-sphere",
+                                     "--vertices", str(3 * MILLION), "-o", "big.ply", "--json")
+            if ended is None:
+                break
+            seconds, status, out, err = ended
+            waits.append((delay, round(seconds, 3)))
+            self.assertEqual(status, 130, err)
+            self.assertEqual(json.loads(out)["error"]["code"], "E_INTERRUPTED")
+            self.assertEqual(os.listdir(self.folder), [])
+        print("signal after, exit after [s]:", waits)
+        self.assertGreaterEqual(len(waits), 2, "the run is too short to be interrupted")
+        self.assertLessEqual(max(seconds for _, seconds in waits), ALLOWED, waits)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -44,6 +44,7 @@ Image render_surface(const Scene& scene, const RenderOptions& options, RunContro
       drawing.report(static_cast<double>(tile + 1) / static_cast<double>(num_tiles));
     }
   });
+  if (run.cancelled()) return {};
   detail::draw_legend(scene, layout, prepared.projection, image);
   return image;
 }

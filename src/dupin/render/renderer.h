@@ -27,7 +27,7 @@ struct RenderOptions {
 /// sample, and a Gaussian filter in light energy over the samples.
 ///
 /// Watertight: of triangles sharing an edge exactly one owns a sample on it. The nearest surface
-/// wins; equal depths go to the lower index. Cancelled: the tiles done so far, the rest background.
+/// wins; equal depths go to the lower index. Cancelled: an image of 0 by 0.
 ///
 /// Same input, same bits for every number of threads.
 /// Cost: O(V + F + samples + spheres under each sample), about 90 bytes a vertex, 16 a triangle.

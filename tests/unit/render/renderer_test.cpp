@@ -303,6 +303,15 @@ TEST(Renderer, HugeCoordinatesAreDrawn) {
   EXPECT_GT(covered_pixels(render_surface(scene, plain(64))), 2000.0);
 }
 
+// Half a picture looks like a whole one.
+TEST(Renderer, ACancelledRunGivesNoPicture) {
+  const RunControl run = RunControl::create();
+  run.cancel();
+  const Image image = render_surface(scene_of(globe(12)), plain(64), run);
+  EXPECT_EQ(image.width, 0);
+  EXPECT_TRUE(image.rgba.empty());
+}
+
 TEST(Renderer, AnEmptySceneIsAnEmptyPicture) {
   EXPECT_EQ(covered_pixels(render_surface({}, plain(40))), 0.0);
   RenderOptions white = plain(40);
