@@ -45,8 +45,8 @@ SurfaceOutput moved_surface(const LoadedSurface& surface, const MlsProjection& p
 
 void run_smooth(Context& context, const SmoothRequest& request) {
   const bool to_stdout = request.output == "-";
-  const std::vector<std::string> legal = {"ply", "obj", "off", "stl", "glb"};
-  output_format(context, request.output, "", to_stdout ? std::vector<std::string>{"ply"} : legal);
+  output_format(context, request.output, "",
+                to_stdout ? std::vector<std::string>{"ply"} : surface_extensions());
   const SurfaceFormat format =
       to_stdout ? SurfaceFormat::ply_binary : surface_format_of(request.output);
   LoadedSurface surface;

@@ -108,6 +108,11 @@ Eigen::VectorXd LoadedSurface::to_input(const Eigen::VectorXd& values, double mi
   return result;
 }
 
+const std::vector<std::string>& surface_extensions() {
+  static const std::vector<std::string> names = {"ply", "obj", "off", "stl", "glb"};
+  return names;
+}
+
 std::string place_of(const LoadedSurface& surface, Index vertex) {
   if (vertex < 0) return "nowhere";
   return fmt::format("{} {}", surface.graph.is_mesh() ? "vertex" : "point",

@@ -37,6 +37,9 @@ Error in_file(const Error& error, const std::string& file);
 /// `file` in its own unit
 void require_range(bool is_finite, const std::string& what, const std::string& file);
 
+/// Extensions of the surfaces that the program writes, as surface_format_of() knows them.
+const std::vector<std::string>& surface_extensions();
+
 /// A vertex of the analysis as people know it: "vertex 5" or "point 5" of the input.
 std::string place_of(const LoadedSurface& surface, Eigen::Index vertex);
 

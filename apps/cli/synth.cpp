@@ -12,6 +12,7 @@
 #include "dupin/mesh/noise.h"
 #include "dupin/mesh/shapes.h"
 #include "dupin/mesh/topology.h"
+#include "surface_input.h"
 
 namespace dupin::cli {
 namespace {
@@ -78,24 +79,9 @@ NoiseModel noise_model(const std::string& name) {
   return name == "directional" ? NoiseModel::directional : NoiseModel::along_normal;
 }
 
-const std::map<std::string, SurfaceFormat>& output_formats() {
-  static const std::map<std::string, SurfaceFormat> formats{{"ply", SurfaceFormat::ply_binary},
-                                                            {"obj", SurfaceFormat::obj},
-                                                            {"off", SurfaceFormat::off},
-                                                            {"stl", SurfaceFormat::stl_binary},
-                                                            {"glb", SurfaceFormat::glb}};
-  return formats;
-}
-
-std::vector<std::string> format_names() {
-  std::vector<std::string> names;
-  for (const auto& [name, format] : output_formats()) names.push_back(name);
-  return names;
-}
-
 void synth_surface(Context& context, const SurfaceRequest& request) {
-  const SurfaceFormat format =
-      output_formats().at(output_format(context, request.output, request.format, format_names()));
+  const SurfaceFormat format = surface_format_of(
+      "x." + output_format(context, request.output, request.format, surface_extensions()));
   SurfaceOutput output;
   double sigma = 0.0;
   double mean_edge = 0.0;
@@ -163,7 +149,7 @@ void add_synth(CLI::App& app, Context& context) {
       ->capture_default_str();
   surface->add_option("-o,--output", request->output, "Surface to write")->required();
   surface->add_option("--format", request->format, "Format of standard output, for -o -")
-      ->check(CLI::IsMember(format_names()));
+      ->check(CLI::IsMember(surface_extensions()));
   surface->callback([request, &context] { synth_surface(context, *request); });
 }
 

@@ -3,18 +3,13 @@
 #include <cstddef>
 #include <cstdint>
 
-// As in scalespace/kernels.cpp: one source, several instruction sets, the same bits. Vectors are
-// written out because GCC does not vectorise sums without leave to reorder them.
-#if defined(__x86_64__) && defined(__GNUC__)
-#define DUPIN_X86 1
-#endif
+#include "dupin/base/instruction_set.h"
 
+// Vectors are written out because GCC does not vectorise sums without leave to reorder them.
 namespace dupin::detail {
 namespace {
 
 using Eigen::Index;
-
-#define DUPIN_INLINE inline __attribute__((always_inline))
 
 typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
 typedef std::int64_t IntLanes __attribute__((vector_size(32), aligned(8), may_alias));
@@ -110,19 +105,13 @@ DUPIN_INLINE void weights_body(Index count, const double* squared, double scale,
 }
 
 #ifdef DUPIN_X86
-__attribute__((target("avx2"))) void moments_avx2(Index count, const double* x, const double* y,
-                                                  const double* h, const double* w,
-                                                  bool want_squared, double* scratch,
-                                                  PatchMoments& moments) {
+DUPIN_AVX2 void moments_avx2(Index count, const double* x, const double* y, const double* h,
+                             const double* w, bool want_squared, double* scratch,
+                             PatchMoments& moments) {
   moments_body(count, x, y, h, w, want_squared, scratch, moments);
 }
-__attribute__((target("avx2"))) void weights_avx2(Index count, const double* squared, double scale,
-                                                  double* out) {
+DUPIN_AVX2 void weights_avx2(Index count, const double* squared, double scale, double* out) {
   weights_body(count, squared, scale, out);
-}
-bool has_avx2() {
-  static const bool has = __builtin_cpu_supports("avx2") != 0;
-  return has;
 }
 #endif
 
@@ -131,14 +120,15 @@ bool has_avx2() {
 void sum_moments(Index count, const double* x, const double* y, const double* h, const double* w,
                  bool want_squared, double* scratch, PatchMoments& moments) {
 #ifdef DUPIN_X86
-  if (has_avx2()) return moments_avx2(count, x, y, h, w, want_squared, scratch, moments);
+  if (instruction_set() != InstructionSet::base)
+    return moments_avx2(count, x, y, h, w, want_squared, scratch, moments);
 #endif
   moments_body(count, x, y, h, w, want_squared, scratch, moments);
 }
 
 void gaussian_weights(Index count, const double* squared, double scale, double* out) {
 #ifdef DUPIN_X86
-  if (has_avx2()) return weights_avx2(count, squared, scale, out);
+  if (instruction_set() != InstructionSet::base) return weights_avx2(count, squared, scale, out);
 #endif
   weights_body(count, squared, scale, out);
 }

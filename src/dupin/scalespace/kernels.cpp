@@ -3,18 +3,12 @@
 #include <algorithm>
 #include <cstddef>
 
-// The same source is compiled for several instruction sets and chosen at run time. No variant
-// contracts a*b+c, and all add in the same order, so they give the same bits.
-#if defined(__x86_64__) && defined(__GNUC__)
-#define DUPIN_X86 1
-#endif
+#include "dupin/base/instruction_set.h"
 
 namespace dupin::detail {
 namespace {
 
 using Eigen::Index;
-
-#define DUPIN_INLINE inline __attribute__((always_inline))
 
 // Sums of the neighbours of eight rows. `Entry` is the width of the stored indices.
 template <class T, class Entry>
@@ -144,12 +138,6 @@ DUPIN_INLINE void accumulate_any(const T* const* term, Index count, const T* coe
   }
 }
 
-#ifdef __clang__
-#define DUPIN_AVX512 "avx512f,avx512vl,avx512dq"  // knows no preferred width, and needs none
-#else
-#define DUPIN_AVX512 "avx512f,avx512vl,avx512dq,prefer-vector-width=512"
-#endif
-
 // Three builds of each kernel.
 #define DUPIN_VARIANT(suffix, attribute, bytes)                                                 \
   template <class T>                                                                            \
@@ -166,20 +154,8 @@ DUPIN_INLINE void accumulate_any(const T* const* term, Index count, const T* coe
 
 DUPIN_VARIANT(base, , 16)
 #ifdef DUPIN_X86
-DUPIN_VARIANT(avx2, __attribute__((target("avx2"))), 32)
-DUPIN_VARIANT(avx512, __attribute__((target(DUPIN_AVX512))), 64)
-
-int instruction_set() {
-  static const int level = [] {
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512dq")) {
-      return 2;
-    }
-    return __builtin_cpu_supports("avx2") ? 1 : 0;
-  }();
-  return level;
-}
+DUPIN_VARIANT(avx2, DUPIN_AVX2, 32)
+DUPIN_VARIANT(avx512, DUPIN_AVX512, 64)
 #endif
 
 }  // namespace
@@ -189,9 +165,9 @@ void recurrence_step(const SlicedView<T>& op, const StepFactors<T>& factors, Ind
                      Index last, const T* x, const T* previous, T* out) {
 #ifdef DUPIN_X86
   switch (instruction_set()) {
-    case 2:
+    case InstructionSet::avx512:
       return step_avx512<T>(op, factors, first, last, x, previous, out);
-    case 1:
+    case InstructionSet::avx2:
       return step_avx2<T>(op, factors, first, last, x, previous, out);
     default:
       break;
@@ -205,9 +181,9 @@ void accumulate_terms(const T* const* term, Index count, const T* coefficient, I
                       T* const* rows, Index num_rows, Index first, Index last) {
 #ifdef DUPIN_X86
   switch (instruction_set()) {
-    case 2:
+    case InstructionSet::avx512:
       return accumulate_avx512<T>(term, count, coefficient, stride, rows, num_rows, first, last);
-    case 1:
+    case InstructionSet::avx2:
       return accumulate_avx2<T>(term, count, coefficient, stride, rows, num_rows, first, last);
     default:
       break;
