@@ -25,6 +25,7 @@ struct Context {
   std::uint64_t seed = 0;
   double timeout_seconds = 0.0;  ///< of the whole command; 0: none
   ReadOptions read;
+  std::string input;  ///< the last surface that was loaded: where an error without a place happened
   RunControl run = RunControl::create();
   std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
   std::atomic<bool> timed_out{false};          ///< then `run` is cancelled, and for good

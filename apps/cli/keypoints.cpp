@@ -128,7 +128,7 @@ double noise_sigma(const KeypointRequest& request, const LoadedSurface& surface,
     throw InvalidArgument("noise is \"" + escaped(request.noise, 40) +
                           "\", expected auto or a length >= 0 in the unit of the input");
   }
-  return sigma / surface.unit;
+  return require_comparable_noise(sigma / surface.unit);
 }
 
 // Error bars of all keypoints, then what --min-snr, --significance and --top leave of them.

@@ -11,6 +11,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
+#include "surface_input.h"
 
 namespace {
 
@@ -89,9 +90,10 @@ int run(int argc, char** argv) {
     return usage_error(context, error.what());
   } catch (const Error& error) {
     const bool needs_hint = error.hint().empty() && error.errc() == Errc::usage;
-    return report_error(context, needs_hint ? Error(error.errc(), error.code(), error.what(),
-                                                    error.location(), kUsageHint)
-                                            : error);
+    if (needs_hint)
+      return report_error(context,
+                          {error.errc(), error.code(), error.what(), error.location(), kUsageHint});
+    return report_error(context, dupin::cli::in_file(error, context.input));
   } catch (const std::bad_alloc&) {
     return report_error(context, Error(Errc::over_limit, "E_MEMORY", "not enough memory", {},
                                        "a smaller input, or fewer levels"));

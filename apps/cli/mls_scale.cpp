@@ -102,6 +102,8 @@ void prepare(Answer& answer, const ScaleRequest& request, const Context& context
   }
   PatchDrawOptions& draws = answer.options.draws;
   if (is_thesis) draws = thesis_patch_draws(1.0);
+  if (require_comparable_noise(answer.sigma / surface.unit) == 0.0)
+    throw InvalidArgument("noise is nothing beside the size of the surface");
   draws.sigma = answer.sigma / answer.unit;
   draws.realisations = request.realisations;
   draws.experiments = request.experiments;

@@ -113,6 +113,13 @@ const std::vector<std::string>& surface_extensions() {
   return names;
 }
 
+double require_comparable_noise(double sigma) {
+  if (!(sigma <= 1e3))
+    throw InvalidArgument("noise is more than 1000 times the size of the surface",
+                          "it is a length in the unit of the input");
+  return sigma < 1e-15 ? 0.0 : sigma;
+}
+
 std::string place_of(const LoadedSurface& surface, Index vertex) {
   if (vertex < 0) return "nowhere";
   return fmt::format("{} {}", surface.graph.is_mesh() ? "vertex" : "point",
@@ -170,6 +177,7 @@ LoadedSurface load(const std::string& path, Context& context, int neighbors) {
 }  // namespace
 
 LoadedSurface load_surface(const std::string& path, Context& context, int neighbors) {
+  context.input = path;
   try {
     return load(path, context, neighbors);
   } catch (const Error& error) {

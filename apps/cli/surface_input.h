@@ -40,6 +40,10 @@ void require_range(bool is_finite, const std::string& what, const std::string& f
 /// Extensions of the surfaces that the program writes, as surface_format_of() knows them.
 const std::vector<std::string>& surface_extensions();
 
+/// A noise level in local units, where a surface is about one across: 0 if rounding hides it.
+/// @throws InvalidArgument above 1000, where no first order and no square of it means anything
+double require_comparable_noise(double sigma);
+
 /// A vertex of the analysis as people know it: "vertex 5" or "point 5" of the input.
 std::string place_of(const LoadedSurface& surface, Eigen::Index vertex);
 

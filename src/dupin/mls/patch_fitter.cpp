@@ -22,6 +22,10 @@ constexpr int kMaxShiftSteps = 8;
 // The shift moves the origin of the weights only; beyond this the patch no longer changes visibly.
 constexpr double kShiftTolerance = 1e-4;
 
+// A strip this narrow beside its length, squared, is a line: the heights of a cubic across it would
+// be those of rounding.
+constexpr double kNarrowest = 1e-12;
+
 std::size_t degree_of(std::size_t coefficient) {
   return static_cast<std::size_t>(kPowerX[coefficient] + kPowerY[coefficient]);
 }
@@ -200,7 +204,7 @@ int PatchFitter::factorise(const PatchMoments& moments, int wanted, Factor& fact
   int complete = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(wanted); ++i) {
     const double diagonal = entry(static_cast<int>(i), static_cast<int>(i));
-    if (!(diagonal > 0.0)) return complete;
+    if (!(diagonal > (i == 2 ? kNarrowest * entry(1, 1) : 0.0))) return complete;
     scale[i] = 1.0 / std::sqrt(diagonal);
     double pivot = 1.0;
     for (std::size_t j = 0; j < i; ++j) {

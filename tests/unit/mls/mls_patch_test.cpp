@@ -240,7 +240,9 @@ TEST(MlsPatch, FallsBackToWhatThePointsDetermine) {
   }
   for (Index i = 0; i < 16; ++i)
     lattice.row(i) << static_cast<double>(i % 2), static_cast<double>(i / 2), 0.0;
-  EXPECT_EQ(order_of(line), 0);     // one direction: not even a plane
+  EXPECT_EQ(order_of(line), 0);  // one direction: not even a plane
+  for (Index i = 0; i < 30; ++i) line.row(i) = 0.1 * static_cast<double>(i) * RowVector3d(1, 2, 3);
+  EXPECT_EQ(order_of(line), 0);     // what rounding leaves across it is no second direction
   EXPECT_EQ(order_of(circle), 3);   // x^2 + y^2 = 1 on all of them
   EXPECT_EQ(order_of(lattice), 3);  // x^2 = x on two columns
   EXPECT_EQ(order_of(Points::Constant(40, 3, 2.0)), 0);
