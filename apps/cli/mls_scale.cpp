@@ -10,12 +10,14 @@
 #include "dupin/base/error.h"
 #include "dupin/base/random.h"
 #include "dupin/io/file.h"
+#include "dupin/io/npz.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mls/local_scale.h"
 #include "dupin/mls/noise_level.h"
 #include "html_report.h"
 #include "mls_verbs.h"
 #include "surface_input.h"
+#include "surface_picture.h"
 #include "svg_plot.h"
 
 namespace dupin::cli {
@@ -28,6 +30,7 @@ struct ScaleRequest {
   std::string cloud;
   std::string output;
   std::string report;
+  std::vector<std::string> fields;  // NAME=FILE.npy
   std::string noise = "auto";
   std::string preset = "default";
   std::int64_t samples = 200;
@@ -147,6 +150,51 @@ nlohmann::ordered_json points_json(const Answer& answer) {
   return points;
 }
 
+constexpr const char* kFieldNames[] = {"neighbors", "radius", "T_beta", "T_kappa"};
+
+// NAME and FILE of every --field, before any work.
+std::vector<std::pair<std::string, std::string>> parsed_fields(const ScaleRequest& request) {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const std::string& field : request.fields) {
+    const std::size_t at = field.find('=');
+    const std::string name = field.substr(0, at);
+    const std::string file = at == std::string::npos ? "" : field.substr(at + 1);
+    if (std::find(std::begin(kFieldNames), std::end(kFieldNames), name) == std::end(kFieldNames) ||
+        !file.ends_with(".npy")) {
+      throw InvalidArgument("--field is \"" + escaped(field, 60) + "\", expected NAME=FILE.npy",
+                            "NAME is neighbors, radius, T_beta or T_kappa");
+    }
+    out.emplace_back(name, file);
+  }
+  return out;
+}
+
+// One value a vertex of the input: that of the nearest vertex that was tested. A size is -1, which
+// none can be, where none passes, and everything is where the analysis has no vertex. T is that of
+// the size that passed, else of the largest.
+void write_fields(const Answer& answer,
+                  const std::vector<std::pair<std::string, std::string>>& fields) {
+  if (fields.empty()) return;
+  const std::vector<std::size_t> nearest = nearest_sample(answer.points, answer.field.vertices);
+  for (const auto& [name, file] : fields) {
+    Eigen::VectorXd values(answer.points.rows());
+    for (Eigen::Index v = 0; v < values.size(); ++v) {
+      const LocalScale& scale = answer.field.scales[nearest[static_cast<std::size_t>(v)]];
+      const ScaleTest& test = scale.test();
+      double value = -1.0;
+      if (name == "T_beta") value = std::min(test.T_beta, 1e300);
+      if (name == "T_kappa") value = std::min(test.T_kappa, 1e300);
+      if (name == "neighbors" && scale.passed()) value = test.neighbors;
+      if (name == "radius" && scale.passed()) value = answer.unit * test.radius;
+      values[v] = value;
+    }
+    NpyArray array;
+    array.shape = {answer.surface.input_points.rows()};
+    array.values = answer.surface.to_input(values, -1.0);
+    write_npy(file, array);
+  }
+}
+
 // The values at the sampled vertices; elsewhere `sampled` is 0.
 void write_scales(const Answer& answer, const std::string& path) {
   const SurfaceFormat format = surface_format_of(path);
@@ -180,10 +228,16 @@ Plot validation_plot(const std::vector<PatchValidation>& validations) {
   Plot plot;
   plot.x_label = "neighbours";
   plot.y_label = "Kolmogorov's D";
-  PlotSeries kappa{"K and H", {}, {}, {}, false};
-  PlotSeries beta{"coefficients", {}, {}, {}, false};
-  PlotSeries one{"critical", {}, {}, {}, true};
-  PlotSeries two{"critical, two samples", {}, {}, {}, true};
+  PlotSeries kappa;
+  kappa.label = "K and H";
+  PlotSeries beta;
+  beta.label = "coefficients";
+  PlotSeries one;
+  one.label = "critical";
+  one.is_dashed = true;
+  PlotSeries two;
+  two.label = "critical, two samples";
+  two.is_dashed = true;
   for (const PatchValidation& v : validations) {
     const auto size = static_cast<double>(v.test.neighbors);
     for (PlotSeries* series : {&kappa, &beta, &one, &two}) series->x.push_back(size);
@@ -243,6 +297,7 @@ void write_report(const Answer& answer, const ScaleRequest& request) {
 }
 
 void run_scale(Context& context, const ScaleRequest& request) {
+  const auto fields = parsed_fields(request);
   Answer answer;
   with_progress(context, "scale", [&] {
     answer.surface = load_surface(request.cloud, context);
@@ -254,6 +309,7 @@ void run_scale(Context& context, const ScaleRequest& request) {
     validate_sizes(answer, request, context.run.stage(0.9, 1.0));
   });
   if (!request.output.empty()) write_scales(answer, request.output);
+  write_fields(answer, fields);
   if (!request.report.empty()) write_report(answer, request);
   const auto passed = std::count_if(answer.field.scales.begin(), answer.field.scales.end(),
                                     [](const LocalScale& scale) { return scale.passed(); });
@@ -276,6 +332,7 @@ void run_scale(Context& context, const ScaleRequest& request) {
   for (const std::string& file : {request.output, request.report}) {
     if (!file.empty()) context.say(fmt::format("written: {}", file));
   }
+  for (const auto& field : fields) context.say(fmt::format("written: {}", field.second));
 }
 
 }  // namespace
@@ -292,6 +349,10 @@ void add_mls_scale(CLI::App& verb, Context& context) {
       ->required();
   scale->add_option("-o,--output", request->output, "PLY to write, with values at vertices");
   scale->add_option("--report", request->report, "Page with the validation at one vertex");
+  scale->add_option(
+      "--field", request->fields,
+      "NAME=FILE.npy, to be drawn by dupin render --color: neighbors or radius, -1 where no size "
+      "passes, T_beta or T_kappa; of the nearest tested vertex. May be repeated");
   scale
       ->add_option("--noise", request->noise,
                    "Standard deviation in the unit of the input, or auto")

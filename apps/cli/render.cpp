@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string_view>
 
@@ -38,6 +39,8 @@ struct Settings {
   bool no_legend = false;
   std::string background = "white";
   double largest_ball = 9.0;
+  std::optional<double> no_value;  // of FILE.npy
+  std::string no_value_label = "no value";
 };
 
 std::pair<double, double> parse_pair(const std::string& text, char separator,
@@ -62,8 +65,10 @@ std::string text_of(const std::string& path, const ReadLimits& limits) {
 }
 
 // Values of FILE.npy: one a vertex of the input, or levels by vertices of which `level` is taken.
-ColorSignal npy_signal(const LoadedSurface& surface, const std::string& path, int level,
+ColorSignal npy_signal(const LoadedSurface& surface, const Settings& settings,
                        const ReadLimits& limits) {
+  const std::string& path = settings.color;
+  const int level = settings.level;
   const NpyArray array = read_npy(path, limits);
   const Eigen::Index num_vertices = surface.num_input_vertices;
   Eigen::VectorXd given;
@@ -79,11 +84,22 @@ ColorSignal npy_signal(const LoadedSurface& surface, const std::string& path, in
         "one value a vertex of the input file");
   }
   ColorSignal signal;
+  signal.is_signed = false;
   signal.values.resize(surface.points.rows());
   for (Eigen::Index v = 0; v < signal.values.size(); ++v) {
     signal.values[v] = given[surface.input_vertex[static_cast<std::size_t>(v)]];
   }
-  signal.is_signed = signal.values.size() > 0 && signal.values.minCoeff() < 0.0;
+  if (settings.no_value) {
+    for (const double value : signal.values) {
+      signal.is_absent.push_back(value == *settings.no_value ? 1 : 0);
+    }
+    signal.absent_label = settings.no_value_label;
+  }
+  for (Eigen::Index v = 0; v < signal.values.size(); ++v) {
+    const bool is_there =
+        signal.is_absent.empty() || signal.is_absent[static_cast<std::size_t>(v)] == 0;
+    signal.is_signed = signal.is_signed || (is_there && signal.values[v] < 0.0);
+  }
   signal.label = path.substr(path.find_last_of('/') + 1);
   return signal;
 }
@@ -207,8 +223,20 @@ std::vector<ScenePolyline> read_lines(const std::string& path, double width,
   return reader.take();
 }
 
+// `scale` with what --map and --range say instead.
+ColorScale wanted_scale(ColorScale scale, const Settings& settings) {
+  if (settings.map == "sequential") scale.map = ColorMap::sequential;
+  if (settings.map == "diverging") scale.map = ColorMap::diverging;
+  if (!settings.range.empty()) {
+    const auto [low, high] = parse_pair(settings.range, ',', "range");
+    if (!(low < high)) throw InvalidArgument("range needs LOW < HIGH");
+    scale.range = {low, high};
+  }
+  return scale;
+}
+
 // Balls coloured by their signal-to-noise ratio instead of their kind.
-void color_by_snr(Scene& scene, std::vector<DrawnKeypoint>& keypoints) {
+void color_by_snr(Scene& scene, std::vector<DrawnKeypoint>& keypoints, const Settings& settings) {
   Eigen::VectorXd snr(static_cast<Eigen::Index>(keypoints.size()));
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     if (!keypoints[i].has_snr) {
@@ -217,7 +245,7 @@ void color_by_snr(Scene& scene, std::vector<DrawnKeypoint>& keypoints) {
     }
     snr[static_cast<Eigen::Index>(i)] = keypoints[i].snr;
   }
-  scene.scale = {ColorMap::sequential, robust_range(snr)};
+  scene.scale = wanted_scale({ColorMap::sequential, robust_range(snr)}, settings);
   for (DrawnKeypoint& keypoint : keypoints) {
     keypoint.sphere.color = scene.scale.color(keypoint.snr);
     keypoint.sphere.opacity = 0.5;
@@ -232,10 +260,15 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::si
   scene.surfaces.push_back(to_scene_surface(surface));
   scene.legend.has_scale_bar = true;
   const bool is_file = settings.color.ends_with(".npy");
+  if (settings.no_value && !is_file) {
+    throw InvalidArgument("--no-value is of a file", "--color FILE.npy");
+  }
+  ColorSignal signal;
   if (is_file) {
-    color_by(scene, npy_signal(surface, settings.color, settings.level, context.read.limits));
+    signal = npy_signal(surface, settings, context.read.limits);
+    color_by(scene, signal);
   } else if (settings.color != "none" && settings.color != "snr") {
-    const ColorSignal signal =
+    signal =
         compute_color_signal(surface, settings.color, settings.level, context.run.stage(0.2, 0.6));
     require_range(std::all_of(signal.values.data(), signal.values.data() + signal.values.size(),
                               [](double x) { return std::isfinite(x); }),
@@ -244,7 +277,7 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::si
   }
   if (!settings.keypoints.empty()) {
     auto keypoints = read_keypoints(settings.keypoints, context.read.limits);
-    if (settings.color == "snr") color_by_snr(scene, keypoints);
+    if (settings.color == "snr") color_by_snr(scene, keypoints, settings);
     std::vector<SceneSphere> balls;
     for (const DrawnKeypoint& keypoint : keypoints) balls.push_back(keypoint.sphere);
     add_keypoint_balls(scene, balls, settings.largest_ball / 100.0);
@@ -255,13 +288,8 @@ Scene make_scene(const LoadedSurface& surface, const Settings& settings, std::si
   if (!settings.lines.empty()) {
     scene.polylines = read_lines(settings.lines, settings.line_width, context.read.limits);
   }
-  if (settings.map == "sequential") scene.scale.map = ColorMap::sequential;
-  if (settings.map == "diverging") scene.scale.map = ColorMap::diverging;
-  if (!settings.range.empty()) {
-    const auto [low, high] = parse_pair(settings.range, ',', "range");
-    if (!(low < high)) throw InvalidArgument("range needs LOW < HIGH");
-    scene.scale.range = {low, high};
-  }
+  scene.scale = wanted_scale(scene.scale, settings);
+  if (signal.values.size() > 0) set_color_scale(scene, signal, scene.scale);
   scene.legend.title = settings.title;
   scene.legend.caption = settings.caption;
   if (settings.no_legend) scene.legend = {};
@@ -307,7 +335,7 @@ void render(const Settings& settings, Context& context) {
                                   {"faces", scene.surfaces[0].triangles.rows()},
                                   {"keypoints", num_keypoints},
                                   {"lines", scene.polylines.size()}};
-  document["range"] = scene.surfaces[0].scalar.size() > 0
+  document["range"] = scene.surfaces[0].scalar.size() + scene.surfaces[0].colors.size() > 0
                           ? nlohmann::ordered_json{scene.scale.range.low, scene.scale.range.high}
                           : nlohmann::ordered_json();
   document["seconds"] = seconds.count();
@@ -357,6 +385,10 @@ void add_render(CLI::App& app, Context& context) {
   verb->add_option("--map", settings->map, "Colour map (default: by the sign of the values)")
       ->check(CLI::IsMember({"diverging", "sequential"}));
   verb->add_option("--range", settings->range, "LOW,HIGH of the colours (default: 2 % left out)");
+  verb->add_option("--no-value", settings->no_value,
+                   "Number that stands for no value in FILE.npy: grey in the picture");
+  verb->add_option("--no-value-label", settings->no_value_label, "Its name in the legend")
+      ->capture_default_str();
   verb->add_option("--title", settings->title, "Title over the picture");
   verb->add_option("--caption", settings->caption, "Line under the picture");
   verb->add_flag("--no-legend", settings->no_legend, "The picture alone");

@@ -5,6 +5,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/scalespace/scale_space.h"
+#include "dupin/spatial/neighborhoods.h"
 
 namespace dupin::cli {
 const std::vector<std::string>& color_signal_names() {
@@ -65,12 +66,55 @@ SceneSurface to_scene_surface(const LoadedSurface& surface) {
 }
 
 void color_by(Scene& scene, const ColorSignal& signal) {
-  scene.surfaces.front().scalar = signal.values;
-  scene.scale.map = signal.is_signed ? ColorMap::diverging : ColorMap::sequential;
-  scene.scale.range =
-      signal.is_signed ? symmetric_range(signal.values) : robust_range(signal.values);
+  Eigen::VectorXd there = signal.values;
+  if (!signal.is_absent.empty()) {
+    Eigen::Index count = 0;
+    for (Eigen::Index v = 0; v < signal.values.size(); ++v) {
+      if (signal.is_absent[static_cast<std::size_t>(v)] == 0) there[count++] = signal.values[v];
+    }
+    there.conservativeResize(count);
+  }
+  ColorScale scale;
+  scale.map = signal.is_signed ? ColorMap::diverging : ColorMap::sequential;
+  scale.range = signal.is_signed ? symmetric_range(there) : robust_range(there);
   scene.legend.scale_label = signal.label;
   scene.legend.has_color_bar = true;
+  set_color_scale(scene, signal, scale);
+}
+
+void set_color_scale(Scene& scene, const ColorSignal& signal, const ColorScale& scale) {
+  scene.scale = scale;
+  SceneSurface& surface = scene.surfaces.front();
+  const bool has_gaps = std::any_of(signal.is_absent.begin(), signal.is_absent.end(),
+                                    [](std::uint8_t absent) { return absent != 0; });
+  if (!has_gaps) {
+    surface.scalar = signal.values;
+    return;
+  }
+  // Grey is no colour of the map: the colours are mixed between vertices instead of the values.
+  surface.scalar.resize(0);
+  surface.colors.resize(signal.values.size(), 3);
+  for (Eigen::Index v = 0; v < signal.values.size(); ++v) {
+    surface.colors.row(v) =
+        (signal.is_absent[static_cast<std::size_t>(v)] != 0 ? kNoValueColor
+                                                            : scale.color(signal.values[v]))
+            .transpose();
+  }
+  scene.legend.no_value_label = signal.absent_label;
+}
+
+std::vector<std::size_t> nearest_sample(const Points& points,
+                                        const std::vector<std::int32_t>& sampled) {
+  Points places(static_cast<Eigen::Index>(sampled.size()), 3);
+  for (std::size_t i = 0; i < sampled.size(); ++i) {
+    places.row(static_cast<Eigen::Index>(i)) = points.row(sampled[i]);
+  }
+  const NeighborTable table = NeighborSearch(places).nearest(points, 1);
+  std::vector<std::size_t> out;
+  for (Eigen::Index v = 0; v < points.rows(); ++v) {
+    out.push_back(static_cast<std::size_t>(table.index(v, 0)));
+  }
+  return out;
 }
 
 Eigen::Index add_keypoint_balls(Scene& scene, const std::vector<SceneSphere>& keypoints,

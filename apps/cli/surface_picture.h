@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,9 @@ struct ColorSignal {
   Eigen::VectorXd values;  ///< #V
   std::string label;       ///< for the colour bar
   bool is_signed = true;   ///< zero is the middle of its colours
+  /// #V or empty: not 0 where there is no value (the number at its place is not looked at).
+  std::vector<std::uint8_t> is_absent = {};
+  std::string absent_label = "no value";
 };
 
 /// Names that compute_color_signal() knows.
@@ -29,7 +33,17 @@ ColorSignal compute_color_signal(const LoadedSurface& surface, const std::string
 SceneSurface to_scene_surface(const LoadedSurface& surface);
 
 /// Colours the first surface of `scene` by `signal`, with limits that leave out 2 % of outliers.
+/// Vertices without a value are grey, and the legend says so. To change the limits afterwards, use
+/// set_color_scale().
 void color_by(Scene& scene, const ColorSignal& signal);
+
+/// Colours by another scale what color_by() coloured.
+void set_color_scale(Scene& scene, const ColorSignal& signal, const ColorScale& scale);
+
+/// For each of `points` (#V by 3) the place in `sampled` of the vertex nearest to it: so a picture
+/// of values at some vertices is coloured everywhere. `sampled` is not empty.
+std::vector<std::size_t> nearest_sample(const Points& points,
+                                        const std::vector<std::int32_t>& sampled);
 
 /// Adds keypoints to a scene: for each a small solid pin at its place and, around it, a transparent
 /// ball of its radius. A ball wider than `largest` times the diagonal of the scene's box would hide

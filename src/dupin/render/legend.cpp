@@ -37,14 +37,8 @@ void draw_fitting(Image& image, std::string text, double x, double y, TextAlign 
   draw_text(image, text, x, y, align, style);
 }
 
-void draw_color_bar(const Scene& scene, const LegendLayout& layout, Image& image) {
-  const Viewport& bar = layout.bar;
-  const int x0 = static_cast<int>(std::lround(bar.x));
-  const int x1 = static_cast<int>(std::lround(bar.x + bar.width));
-  const int y0 = static_cast<int>(std::lround(bar.y));
-  const int y1 = static_cast<int>(std::lround(bar.y + bar.height));
+void fill_box(Image& image, int x0, int x1, int y0, int y1, const Rgb& color) {
   for (int y = std::max(0, y0); y < std::min(y1, image.height); ++y) {
-    const Rgb color = map_color(scene.scale.map, (y1 - y - 0.5) / (y1 - y0));
     for (int x = std::max(0, x0); x < std::min(x1, image.width); ++x) {
       const std::size_t at =
           4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
@@ -55,6 +49,33 @@ void draw_color_bar(const Scene& scene, const LegendLayout& layout, Image& image
       }
       image.rgba[at + 3] = 255;
     }
+  }
+}
+
+// A box in the colour of "no value" under the bar, its label under the box.
+void draw_no_value(const Scene& scene, const LegendLayout& layout, Image& image) {
+  const Viewport& bar = layout.bar;
+  const int x0 = static_cast<int>(std::lround(bar.x));
+  const int side = static_cast<int>(std::lround(bar.width));
+  const int y0 = static_cast<int>(std::lround(bar.y + bar.height + 1.1 * layout.em));
+  fill_box(image, x0, x0 + side, y0, y0 + side, kNoValueColor);
+  const TextStyle style = label_style(layout.em);
+  const double right_edge = image.width - 0.8 * layout.em;
+  const TextExtent extent = measure_text(scene.legend.no_value_label, style);
+  const double x = std::min(1.0 * x0, right_edge - (extent.right - extent.left));
+  draw_fitting(image, scene.legend.no_value_label, std::max(0.8 * layout.em, x),
+               y0 + side + 1.1 * layout.em, TextAlign::left, style, right_edge - 0.8 * layout.em);
+}
+
+void draw_color_bar(const Scene& scene, const LegendLayout& layout, Image& image) {
+  const Viewport& bar = layout.bar;
+  const int x0 = static_cast<int>(std::lround(bar.x));
+  const int x1 = static_cast<int>(std::lround(bar.x + bar.width));
+  const int y0 = static_cast<int>(std::lround(bar.y));
+  const int y1 = static_cast<int>(std::lround(bar.y + bar.height));
+  for (int y = std::max(0, y0); y < std::min(y1, image.height); ++y) {
+    const Rgb color = map_color(scene.scale.map, (y1 - y - 0.5) / (y1 - y0));
+    fill_box(image, x0, x1, y, y + 1, color);
   }
   const double line = std::max(1.0, layout.em / 20.0);
   const Vector2d corner[4] = {
@@ -144,7 +165,10 @@ void draw_legend(const Scene& scene, const LegendLayout& layout, const Projectio
     draw_fitting(image, scene.legend.caption, 1.2 * em, image.height - 0.9 * em, TextAlign::left,
                  caption_style(em), width);
   }
-  if (scene.legend.has_color_bar) draw_color_bar(scene, layout, image);
+  if (scene.legend.has_color_bar) {
+    draw_color_bar(scene, layout, image);
+    if (!scene.legend.no_value_label.empty()) draw_no_value(scene, layout, image);
+  }
   if (scene.legend.has_scale_bar) draw_scale_bar(scene, layout, projection, image);
 }
 

@@ -36,12 +36,16 @@ struct ScenePolyline {
   Rgb color{0.1, 0.1, 0.12};
 };
 
+/// Grey of places that have no value; no colour map has it.
+inline const Rgb kNoValueColor(0.62, 0.62, 0.64);
+
 /// What is written around the picture. Text is UTF-8; see text.h for the characters known.
 struct Legend {
   std::string title;
   std::string caption;
   std::string scale_label;  ///< over the colour bar
   bool has_color_bar = false;
+  std::string no_value_label;  ///< under the colour bar, beside kNoValueColor; empty: not there
   bool has_scale_bar = false;  ///< exact in the plane through the centre of the scene
   std::string unit = "";       ///< after the number of the scale bar
 };
