@@ -1,26 +1,19 @@
 #include <fmt/format.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
 
-#include "context.h"
+#include "demo_parts.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
-#include "dupin/features/keypoints.h"
 #include "dupin/io/file.h"
-#include "dupin/io/png.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mesh/heal.h"
 #include "dupin/mesh/shapes.h"
-#include "dupin/render/renderer.h"
 #include "dupin/render/ticks.h"
-#include "dupin/scalespace/scale_space.h"
-#include "html_report.h"
-#include "surface_picture.h"
 #include "svg_plot.h"
 
 namespace dupin::cli {
@@ -28,8 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kWidth = 1000;
-constexpr int kHeight = 800;
 constexpr Eigen::Index kDrawn = 40;  // keypoints in a picture
 constexpr std::size_t kCurves = 5;   // keypoints in a plot
 constexpr std::size_t kListed = 15;  // keypoints in a table
@@ -37,51 +28,6 @@ constexpr std::size_t kListed = 15;  // keypoints in a table
 struct Settings {
   std::string directory = "dupin-demo";
   std::string surfaces;
-};
-
-/// A surface of the demo: from a file, or made here and written beside the page.
-struct Subject {
-  std::string name;  ///< of its files
-  std::string title;
-  std::string note;
-  std::string view = "iso";
-  std::string file;  ///< as the command lines name it
-  PolygonMesh mesh;
-};
-
-struct Timing {
-  std::string name;
-  Eigen::Index vertices = 0;
-  Eigen::Index faces = 0;
-  double signal = 0.0;
-  double stack = 0.0;
-  double keypoints = 0.0;
-  double pictures = 0.0;
-  WarningList warnings;
-};
-
-/// What the chain computed of one subject, in the unit of the input.
-struct Analysis {
-  LoadedSurface surface;
-  Eigen::VectorXd signal;
-  LevelSchedule schedule;
-  Eigen::VectorXd tau;
-  LevelMatrix loc;
-  double mean_edge = 0.0;
-  std::vector<Keypoint> keypoints;
-};
-
-class Watch {
- public:
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const std::chrono::duration<double> seconds = now - last_;
-    last_ = now;
-    return seconds.count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
 struct FileSubject {
@@ -101,8 +47,8 @@ constexpr FileSubject kFiles[] = {
     {"mannequin-devil", "Mannequin", "A model of CGAL with two sharp horns.", "iso"},
 };
 
-std::vector<Subject> file_subjects(const std::string& directory, Context& context) {
-  std::vector<Subject> out;
+std::vector<DemoSubject> file_subjects(const std::string& directory, Context& context) {
+  std::vector<DemoSubject> out;
   for (const FileSubject& known : kFiles) {
     const fs::path path = fs::path(directory) / (std::string(known.name) + ".off");
     std::error_code error;
@@ -115,8 +61,8 @@ std::vector<Subject> file_subjects(const std::string& directory, Context& contex
   return out;
 }
 
-std::vector<Subject> built_in_subjects(const fs::path& directory) {
-  std::vector<Subject> out;
+std::vector<DemoSubject> built_in_subjects(const fs::path& directory) {
+  std::vector<DemoSubject> out;
   BumpOptions bumps;
   bumps.height = 0.08;
   bumps.width = 0.16;
@@ -128,76 +74,15 @@ std::vector<Subject> built_in_subjects(const fs::path& directory) {
                  "Made here, and hard on purpose: a torus is the same all around, so no place on "
                  "it deserves to be a keypoint.",
                  "20,50", "torus.ply", to_polygon_mesh(make_torus(1.0, 0.4, 20'000).mesh)});
-  for (Subject& subject : out) {
-    SurfaceOutput output;
-    output.points = subject.mesh.points;
-    output.triangles = Eigen::Map<const Triangles>(subject.mesh.face_index.data(),
-                                                   subject.mesh.face_index.size() / 3, 3);
+  for (DemoSubject& subject : out) {
     subject.file = (directory / subject.file).string();
-    write_surface(subject.file, output, SurfaceFormat::ply_binary);
+    write_subject(subject);
   }
   return out;
 }
 
-Analysis analyse(const Subject& subject, Timing& timing, Context& context) {
-  Analysis out;
-  out.surface = to_loaded_surface(subject.mesh, subject.name, context);
-  const SurfaceGraph& graph = out.surface.graph;
-  out.mean_edge = graph.mean_edge * out.surface.unit;
-  timing.name = subject.title;
-  timing.warnings = out.surface.warnings;
-  timing.vertices = graph.points.rows();
-  timing.faces = graph.triangles.rows();
-  Watch watch;
-  const Eigen::VectorXd local = compute_signal(graph, Signal::height, 6, context.run);
-  context.run.throw_if_cancelled();
-  timing.signal = watch.lap();
-  ScaleSpaceOptions options;
-  options.want_levels = false;
-  const DiffusionOperator op = umbrella_operator(graph.topology.ring, &graph.topology);
-  const ScaleSpace stack = compute_scale_space(op, local, options, context.run);
-  context.run.throw_if_cancelled();
-  timing.stack = watch.lap();
-  const double signal_scale = local.size() > 0 ? local.cwiseAbs().maxCoeff() : 0.0;
-  KeypointSet found =
-      find_keypoints(graph, stack.loc, options.schedule, signal_scale, {}, context.run);
-  timing.keypoints = watch.lap();
-  context.run.throw_if_cancelled();
-  out.schedule = options.schedule;
-  out.tau = stack.tau;
-  out.loc = stack.loc / out.surface.unit;
-  out.signal = local / out.surface.unit;
-  out.keypoints = std::move(found.keypoints);
-  for (Keypoint& keypoint : out.keypoints) {
-    keypoint.radius *= out.surface.unit;
-    keypoint.response /= out.surface.unit;
-  }
-  return out;
-}
-
-ReportPicture draw(const fs::path& directory, const Subject& subject, const std::string& suffix,
-                   Scene scene, const std::string& caption, Context& context) {
-  RenderOptions options;
-  options.width = kWidth;
-  options.height = kHeight;
-  options.camera = camera_of(subject.view);
-  const std::string name = subject.name + "-" + suffix + ".png";
-  const Image image = render_surface(scene, options, context.run);
-  context.run.throw_if_cancelled();  // a picture whose tiles are not all drawn is no picture
-  write_png((directory / name).string(), image);
-  return {name, subject.title + ": " + scene.legend.title, caption, kWidth, kHeight};
-}
-
-Scene plain_scene(const Analysis& analysis, const std::string& title) {
-  Scene scene;
-  scene.surfaces.push_back(to_scene_surface(analysis.surface));
-  scene.legend.title = title;
-  scene.legend.has_scale_bar = true;
-  return scene;
-}
-
-std::vector<ReportPicture> loc_pictures(const fs::path& directory, const Subject& subject,
-                                        const Analysis& analysis, Context& context) {
+std::vector<ReportPicture> loc_pictures(const fs::path& directory, const DemoSubject& subject,
+                                        const DemoAnalysis& analysis, Context& context) {
   std::vector<ReportPicture> out;
   for (const int level : {8, 16, 24}) {
     Scene scene = plain_scene(analysis, fmt::format("si-LoC, level {}", level));
@@ -219,8 +104,8 @@ std::vector<ReportPicture> loc_pictures(const fs::path& directory, const Subject
   return out;
 }
 
-ReportPicture keypoint_picture(const fs::path& directory, const Subject& subject,
-                               const Analysis& analysis, Context& context) {
+ReportPicture keypoint_picture(const fs::path& directory, const DemoSubject& subject,
+                               const DemoAnalysis& analysis, Context& context) {
   Scene scene = plain_scene(analysis, "Keypoints");
   std::vector<SceneSphere> balls;
   for (const Keypoint& keypoint : analysis.keypoints) {
@@ -240,7 +125,7 @@ ReportPicture keypoint_picture(const fs::path& directory, const Subject& subject
               context);
 }
 
-Plot response_plot(const Analysis& analysis) {
+Plot response_plot(const DemoAnalysis& analysis) {
   Plot plot;
   plot.title = "How keypoints choose their scale";
   plot.x_label = "scale √τ · mean edge (unit of the input)";
@@ -262,7 +147,7 @@ Plot response_plot(const Analysis& analysis) {
   return plot;
 }
 
-void add_keypoint_table(HtmlReport& report, const Analysis& analysis) {
+void add_keypoint_table(HtmlReport& report, const DemoAnalysis& analysis) {
   std::vector<std::vector<std::string>> rows;
   for (std::size_t k = 0; k < std::min(kListed, analysis.keypoints.size()); ++k) {
     const Keypoint& keypoint = analysis.keypoints[k];
@@ -280,10 +165,10 @@ void add_keypoint_table(HtmlReport& report, const Analysis& analysis) {
                   rows.size(), analysis.keypoints.size(), format_number(analysis.mean_edge)));
 }
 
-Timing add_subject(HtmlReport& report, const fs::path& directory, const Subject& subject,
-                   Context& context) {
-  Timing timing;
-  const Analysis analysis = analyse(subject, timing, context);
+DemoAnalysis add_subject(HtmlReport& report, const fs::path& directory, const DemoSubject& subject,
+                         DemoTiming& timing, Context& context) {
+  DemoAnalysis analysis = analyse(subject, timing, context);
+  to_input_unit(analysis);
   report.add_section(subject.title, fmt::format("{} {} vertices, {} triangles.", subject.note,
                                                 timing.vertices, timing.faces));
   Watch watch;
@@ -307,19 +192,19 @@ Timing add_subject(HtmlReport& report, const fs::path& directory, const Subject&
   report.add_commands(
       {fmt::format("dupin keypoints {} --top {} --json > {}", subject.file, kDrawn, kp),
        fmt::format("dupin render {} -o {}-keypoints.png --keypoints {} --view {} --size {}x{}",
-                   subject.file, subject.name, kp, subject.view, kWidth, kHeight),
+                   subject.file, subject.name, kp, subject.view, kDemoWidth, kDemoHeight),
        fmt::format(
            "dupin render {} -o {}-loc16.png --color si_loc --level 16 --view {} --size {}x{}",
-           subject.file, subject.name, subject.view, kWidth, kHeight)});
-  return timing;
+           subject.file, subject.name, subject.view, kDemoWidth, kDemoHeight)});
+  return analysis;
 }
 
 std::string milliseconds(double seconds) { return fmt::format("{:.0f}", 1e3 * seconds); }
 
-void add_timings(HtmlReport& report, const std::vector<Timing>& timings) {
+void add_timings(HtmlReport& report, const std::vector<DemoTiming>& timings) {
   report.add_section("Timings");
   std::vector<std::vector<std::string>> rows;
-  for (const Timing& t : timings) {
+  for (const DemoTiming& t : timings) {
     rows.push_back({t.name, std::to_string(t.vertices), std::to_string(t.faces),
                     milliseconds(t.signal), milliseconds(t.stack), milliseconds(t.keypoints),
                     milliseconds(t.pictures)});
@@ -344,14 +229,22 @@ void demo(const Settings& settings, Context& context) {
                     "Every surface below was turned into a stack of ever smoother versions of its "
                     "curvature. Where that stack responds most strongly, in place and in scale, "
                     "there is a keypoint, and the stack says how large it is.");
-  std::vector<Timing> timings;
+  std::vector<DemoTiming> timings;
   with_progress(context, "demo", [&] {
-    std::vector<Subject> subjects;
+    std::vector<DemoSubject> subjects;
     if (!settings.surfaces.empty()) subjects = file_subjects(settings.surfaces, context);
-    for (Subject& subject : built_in_subjects(directory)) subjects.push_back(std::move(subject));
-    for (const Subject& subject : subjects) {
-      timings.push_back(add_subject(report, directory, subject, context));
+    for (DemoSubject& subject : built_in_subjects(directory))
+      subjects.push_back(std::move(subject));
+    for (const DemoSubject& subject : subjects) {
+      DemoTiming timing;
+      const DemoAnalysis analysis = add_subject(report, directory, subject, timing, context);
+      timings.push_back(timing);
+      // The first surface is scanned again, with noise.
+      if (&subject == &subjects.front()) {
+        add_noisy_scan(report, directory, subject, analysis, context);
+      }
     }
+    add_local_scale(report, directory, context);
   });
   add_timings(report, timings);
   const std::string page = (directory / "index.html").string();
@@ -361,7 +254,7 @@ void demo(const Settings& settings, Context& context) {
                 settings.surfaces.empty() ? "" : " --surfaces " + settings.surfaces)));
   context.say(page);
   nlohmann::ordered_json document{{"report", page}};
-  for (const Timing& t : timings) {
+  for (const DemoTiming& t : timings) {
     document["surfaces"].push_back({{"name", t.name},
                                     {"vertices", t.vertices},
                                     {"faces", t.faces},

@@ -36,6 +36,7 @@ nav a:hover { text-decoration: underline; }
   margin: 1.2rem 0; }
 figure { margin: 0; background: var(--card); border: 1px solid var(--line); border-radius: 10px;
   overflow: hidden; }
+main > figure { margin: 1.2rem 0; }
 figure img { display: block; width: 100%; height: auto; background: #ffffff; }
 figure svg { display: block; width: 100%; height: auto; padding: 1rem 1rem 0; }
 figcaption { padding: 0.75rem 1rem 0.85rem; font-size: 0.87rem; line-height: 1.45;

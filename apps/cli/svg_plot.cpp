@@ -42,6 +42,14 @@ void validate(const Plot& plot) {
         throw InvalidArgument("a logarithmic axis needs x > 0");
       }
     }
+    if (!s.band.empty() && s.band.size() != s.x.size()) {
+      throw InvalidArgument("a curve and its band have unlike numbers of points");
+    }
+    for (const double half : s.band) {
+      if (!std::isfinite(half) || half < 0.0) {
+        throw InvalidArgument("a band is negative or not finite");
+      }
+    }
     for (const std::size_t mark : s.marks) {
       if (mark >= s.x.size()) throw InvalidArgument("a mark is outside its curve");
     }
@@ -113,11 +121,36 @@ std::string axes(const Plot& plot, const Axis& x, const Axis& y) {
   return out + "</g>\n";
 }
 
+const char* color_of(const Plot& plot, std::size_t s) {
+  const int named = plot.series[s].color;
+  return kPalette[(named < 0 ? s : static_cast<std::size_t>(named)) % kPalette.size()];
+}
+
+// Under the curves, so that none is dimmed by another's band.
+std::string bands(const Plot& plot, const Axis& x, const Axis& y) {
+  std::string out;
+  for (std::size_t s = 0; s < plot.series.size(); ++s) {
+    const PlotSeries& series = plot.series[s];
+    if (series.band.empty()) continue;
+    std::string points;
+    const std::size_t count = series.x.size();
+    for (std::size_t i = 0; i < 2 * count; ++i) {
+      const std::size_t at = i < count ? i : 2 * count - 1 - i;
+      const double half = i < count ? series.band[at] : -series.band[at];
+      points += fmt::format("{}{:.2f} {:.2f}", i == 0 ? "M" : "L", x.place(series.x[at]),
+                            y.place(series.y[at] + half));
+    }
+    out += fmt::format("<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.18\"/>\n", points,
+                       color_of(plot, s));
+  }
+  return out;
+}
+
 std::string curves(const Plot& plot, const Axis& x, const Axis& y) {
   std::string out;
   for (std::size_t s = 0; s < plot.series.size(); ++s) {
     const PlotSeries& series = plot.series[s];
-    const char* color = kPalette[s % kPalette.size()];
+    const char* color = color_of(plot, s);
     std::string points;
     for (std::size_t i = 0; i < series.x.size(); ++i) {
       points += fmt::format("{}{:.2f} {:.2f}", i == 0 ? "M" : "L", x.place(series.x[i]),
@@ -145,8 +178,7 @@ std::string legend(const Plot& plot, double x, double y) {
     const double at = y + 19.0 * row++;
     out += fmt::format(
         "<path d=\"M{:.1f} {:.1f}h20\" stroke=\"{}\" stroke-width=\"2.5\" fill=\"none\"{}/>\n", x,
-        at, kPalette[s % kPalette.size()],
-        plot.series[s].is_dashed ? " stroke-dasharray=\"6 4\"" : "");
+        at, color_of(plot, s), plot.series[s].is_dashed ? " stroke-dasharray=\"6 4\"" : "");
     out += text(x + 27, at + 4.3, "start", plot.series[s].label);
   }
   return out + "</g>\n";
@@ -190,7 +222,11 @@ std::string format_svg(const Plot& plot) {
   std::size_t longest = 0;
   for (const PlotSeries& s : plot.series) {
     for (const double value : s.x) widen(x.low, x.high, value, is_first_x);
-    for (const double value : s.y) widen(y.low, y.high, value, is_first_y);
+    for (std::size_t i = 0; i < s.y.size(); ++i) {
+      const double half = s.band.empty() ? 0.0 : s.band[i];
+      widen(y.low, y.high, s.y[i] - half, is_first_y);
+      widen(y.low, y.high, s.y[i] + half, is_first_y);
+    }
     longest = std::max(longest, s.label.size());
   }
   for (const PlotGuide& guide : plot.guides) widen(x.low, x.high, guide.x, is_first_x);
@@ -233,6 +269,7 @@ std::string format_svg(const Plot& plot) {
     out += text(x.place(guide.x), y.to - 6, "middle", guide.label,
                 " fill=\"currentColor\" font-size=\"11.5\"");
   }
+  out += bands(plot, x, y);
   out += curves(plot, x, y);
   out += legend(plot, x.to + 14, y.to + 10);
   return out + "</svg>\n";

@@ -12,6 +12,8 @@ struct PlotSeries {
   std::vector<double> y;           ///< finite, as many as x
   std::vector<std::size_t> marks;  ///< points drawn as filled squares
   bool is_dashed = false;
+  std::vector<double> band;  ///< half width of a band about the curve, >= 0, as many as x; or empty
+  int color = -1;            ///< of the palette; -1: the next one
 };
 
 /// A vertical line with a word at its top.
@@ -34,8 +36,8 @@ struct Plot {
 
 /// `plot` as one <svg> element, without any reference to the outside; text and axes take the
 /// colour of the page around it. All text is escaped.
-/// @throws InvalidArgument if a number is not finite, x and y differ in length, a mark is out of
-///   range, or x <= 0 on a logarithmic axis
+/// @throws InvalidArgument if a number is not finite, x and y differ in length, a band has another
+///   length or is negative, a mark is out of range, or x <= 0 on a logarithmic axis
 std::string format_svg(const Plot& plot);
 
 /// `text` with & < > " ' as entities and control characters removed: fit for HTML and SVG.
