@@ -96,6 +96,9 @@ TEST(ValidatePatchStatistics, LinearDrawsFollowTheChiSquareDistribution) {
   };
   EXPECT_EQ(result.dof_beta, 35.0);
   EXPECT_EQ(result.dof_kappa, 5.0);
+  // Deviation of a sample deviation of n values: sqrt((2 + kurtosis) / (4 n)), kurtosis 12 / dof.
+  EXPECT_NEAR(bartlett(7, 100) * result.test.T_beta_sd, std::sqrt(70.0),
+              3.0 * std::sqrt(70.0 * (2.0 + 12.0 / 35.0) / 1600.0));
   follows(result.T_beta, 7, 35.0);
   follows(result.T_kappa, 2, 5.0);
   // What the protocol itself reports, as the thesis has it, without the factor.
@@ -107,6 +110,74 @@ TEST(ValidatePatchStatistics, LinearDrawsFollowTheChiSquareDistribution) {
       validate_patch_statistics(surface.mesh.points, vertex, RowVector3d::Zero(), 60, options);
   EXPECT_NEAR(small.ks_critical, 0.134, 5e-4);
   EXPECT_NEAR(small.ks_critical_two, 0.192, 5e-4);
+}
+
+// Points of a plane that move within it change no height: noise along a line counts by the square
+// of its cosine with the normal, isotropic noise by that of one axis. H alone varies to first
+// order, so T(kappa) has the 2 degrees of freedom of one variable. A variance without the cosine is
+// four times too large here.
+TEST(ValidatePatchStatistics, OnAPlaneOnlyNoiseAlongTheNormalCounts) {
+  const AnalyticSurface plane = make_plane({.num_vertices = 2'000});
+  PatchDrawOptions options;
+  options.sigma = 1e-5;
+  options.experiments = 100;
+  options.realisations = 200;
+  options.refit_plane = false;
+  options.patch.weight = MlsWeight::uniform;
+  for (const PatchNoise noise : {PatchNoise::directional, PatchNoise::isotropic}) {
+    SCOPED_TRACE(noise == PatchNoise::isotropic ? "isotropic" : "at 60 degrees");
+    options.noise = noise;
+    const PatchValidation result = validate_patch_statistics(
+        plane.mesh.points, 1'000, RowVector3d(std::sqrt(3.0), 0.0, 1.0), 60, options);
+    EXPECT_EQ(result.dof_kappa, 2.0);
+    EXPECT_LT(result.ks_beta, kolmogorov_critical_value(0.01, 100));
+    EXPECT_LT(result.ks_kappa, kolmogorov_critical_value(0.01, 100));
+  }
+}
+
+// A plane that is fitted anew in every draw turns with the noise and absorbs the constant and
+// linear coefficients, whose prediction is that of a fixed plane: the test of all ten must fail,
+// however small the noise, and that of the seven must not. Where the plane is held all ten hold.
+TEST(ValidatePatchStatistics, APlaneFittedAnewAbsorbsTheLinearCoefficients) {
+  const AnalyticSurface plane = make_plane({.num_vertices = 2'000});
+  PatchDrawOptions options;
+  options.sigma = 1e-5;
+  options.experiments = 10;
+  options.realisations = 100;
+  options.patch.weight = MlsWeight::uniform;
+  const auto test = [&](bool refit, bool all) {
+    options.refit_plane = refit;
+    options.test_all_coefficients = all;
+    return validate_patch_statistics(plane.mesh.points, 1'000, RowVector3d::UnitZ(), 60, options)
+        .test;
+  };
+  EXPECT_LT(test(true, false).T_beta, test(true, false).critical_beta);
+  EXPECT_GT(test(true, true).T_beta, 10.0 * test(true, true).critical_beta);
+  EXPECT_GT(test(true, true).T_beta, 1.3 * test(false, true).T_beta);
+}
+
+// In a round neighbourhood no axis has the largest spread, and noise chooses anew in every draw. On
+// a saddle the second-degree coefficients are others in other axes: carried over from the points
+// without noise they hold, in the axes of each draw they would scatter by the curvature itself,
+// hundreds of their deviations.
+TEST(ValidatePatchStatistics, ASaddleIsSeenInTheSameAxesInEveryDraw) {
+  Points rings(61, 3);
+  rings.row(0).setZero();
+  for (Index i = 1; i < rings.rows(); ++i) {
+    const double radius = 0.1 * static_cast<double>((i + 11) / 12);
+    const double angle = M_PI / 6.0 * static_cast<double>(i % 12);
+    const double x = radius * std::cos(angle);
+    const double y = radius * std::sin(angle);
+    rings.row(i) << x, y, 0.2 * (x * x - y * y) + 0.1 * x * y;
+  }
+  PatchDrawOptions options;
+  options.sigma = 1e-4;
+  options.experiments = 10;
+  options.realisations = 100;
+  const ScaleTest test =
+      validate_patch_statistics(rings, 0, RowVector3d::UnitZ(), 61, options).test;
+  EXPECT_EQ(test.rank_beta, 7);
+  EXPECT_LT(test.T_beta, test.critical_beta);
 }
 
 // Where noise is of the size of the neighbourhood, curvature is not linear in it: the test says so
@@ -135,6 +206,26 @@ TEST(FindLocalScale, ChoosesTheFirstSizeThatPasses) {
       EXPECT_EQ(passes, &test == &scale.test());
     }
   }
+}
+
+// Neither test passes for the other. All ten coefficients fail at noise that curvature bears well;
+// where a patch is small against the radius of a sphere, curvature has lost its first order while
+// the coefficients, which are linear, still have theirs.
+TEST(FindLocalScale, NeedsBothTestsToPass) {
+  LocalScaleOptions options = options_for(0.001);
+  options.sizes = {60};
+  options.draws.test_all_coefficients = true;
+  const ScaleTest all = scale_at(ball(), 5'000, options).test();
+  EXPECT_GT(all.T_beta, all.critical_beta);
+  EXPECT_LE(all.T_kappa, all.critical_kappa);
+  EXPECT_FALSE(all.passed);
+
+  options = options_for(0.01);
+  options.sizes = {30};
+  const ScaleTest small = scale_at(make_sphere(1.0, 40'000), 20'000, options).test();
+  EXPECT_LE(small.T_beta, small.critical_beta);
+  EXPECT_GT(small.T_kappa, 2.0 * small.critical_kappa);
+  EXPECT_FALSE(small.passed);
 }
 
 // More noise wants more neighbours (Table 4.5). The deviation of a curvature is c sigma / (r^2 sqrt
@@ -180,6 +271,16 @@ TEST(FindLocalScale, TestsTheMeanCurvatureAloneOnAPlane) {
   ASSERT_TRUE(scale.passed());
   EXPECT_EQ(scale.test().rank_kappa, 1);
   EXPECT_EQ(scale.test().neighbors, 30);
+}
+
+TEST(FindLocalScale, LeavesOutSizesBeyondThePoints) {
+  LocalScaleOptions options = options_for(1e-3);
+  options.stop_at_first_pass = false;
+  options.sizes = {30, 42, 43, 60};
+  const LocalScale scale =
+      find_local_scale(make_icosphere(1.0, 1).mesh.points, 0, RowVector3d::Zero(), options);
+  ASSERT_EQ(scale.tests.size(), 2U);  // of 42 points
+  EXPECT_EQ(scale.tests[1].neighbors, 42);
 }
 
 // Noise higher than the bumps it hides: that no size passes is an answer.
