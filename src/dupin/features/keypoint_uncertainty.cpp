@@ -19,15 +19,33 @@ double tail(double u) {
   return (square - 1.0) * std::exp(-0.5 * square);
 }
 
-// The noise of LoC at one vertex, over scale: variance v (tau / tau_l)^-m about level l.
+// 1F1(m; 1; -x), x >= 0, by Kummer's transformation.
+double kummer(double m, double x) {
+  constexpr int kTerms = 40;
+  double term = 1.0;
+  double sum = 1.0;
+  for (int k = 1; k < kTerms; ++k) {
+    term *= (static_cast<double>(k) - m) * x / (static_cast<double>(k) * static_cast<double>(k));
+    sum += term;
+  }
+  return std::exp(-x) * sum;
+}
+
+// The noise of LoC about one vertex and level: locally a stationary field with the spectral density
+// s^(m - 1) exp(-2 tau s), so that its variance is v (tau / tau_l)^-m.
 struct NoiseLaw {
   double variance = 0.0;
   double exponent = 0.0;
   double tau = 0.0;
 
-  // Covariance of two levels. Diffusion of both together is diffusion for the mean time.
-  double covariance(double tau_a, double tau_b) const {
-    return variance * std::pow(0.5 * (tau_a + tau_b) / tau, -exponent);
+  // Covariance of two levels at places whose distance has the given square, in mean edges.
+  // Diffusion of both together is diffusion for the mean time; s = (k e / 2)^2 for the wave number
+  // k, and the integral of the density times J0(k d) is Kummer's function.
+  double covariance(double tau_a, double tau_b, double square_distance) const {
+    const double mean = 0.5 * (tau_a + tau_b);
+    const double at_place = variance * std::pow(mean / tau, -exponent);
+    if (square_distance == 0.0) return at_place;
+    return at_place * kummer(exponent, std::min(10.0, 0.5 * square_distance / mean));
   }
 };
 
@@ -67,15 +85,17 @@ std::optional<double> radius_sd(const SurfaceGraph& graph, const LevelMatrix& lo
   const Index l = point.level;
   if (!point.is_scale_peak || l < 1 || l + 1 >= loc.rows()) return std::nullopt;
   const int sign = point.kind == KeypointKind::maximum ? 1 : -1;
-  const auto response = [&](Index level) {
-    const std::int32_t v =
-        level == l ? point.scale_vertex
-                   : detail::climb(graph.topology.ring, loc, level, sign, point.scale_vertex);
-    return sign * factor[level] * loc(level, v);
+  const auto place = [&](Index level) {
+    return level == l ? point.scale_vertex
+                      : detail::climb(graph.topology.ring, loc, level, sign, point.scale_vertex);
   };
-  const double before = response(l - 1);
-  const double at = response(l);
-  const double after = response(l + 1);
+  const std::int32_t vertex[3] = {place(l - 1), place(l), place(l + 1)};
+  const auto response = [&](Index i) {
+    return sign * factor[l - 1 + i] * loc(l - 1 + i, vertex[i]);
+  };
+  const double before = response(0);
+  const double at = response(1);
+  const double after = response(2);
   const double bend = before - 2.0 * at + after;
   if (!(bend < 0.0)) return std::nullopt;
   // offset = (before - after) / (2 bend)
@@ -85,8 +105,11 @@ std::optional<double> radius_sd(const SurfaceGraph& graph, const LevelMatrix& lo
   double variance = 0.0;
   for (Index i = 0; i < 3; ++i) {
     for (Index j = 0; j < 3; ++j) {
-      variance += slope[i] * slope[j] * factor[l - 1 + i] * factor[l - 1 + j] *
-                  law.covariance(tau[l + i], tau[l + j]);
+      variance +=
+          slope[i] * slope[j] * factor[l - 1 + i] * factor[l - 1 + j] *
+          law.covariance(tau[l + i], tau[l + j],
+                         (graph.points.row(vertex[i]) - graph.points.row(vertex[j])).squaredNorm() /
+                             (graph.mean_edge * graph.mean_edge));
     }
   }
   // Scales are geometric between levels; the radius is sqrt(tau) e, or t e.

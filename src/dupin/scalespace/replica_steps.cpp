@@ -78,9 +78,13 @@ void breadth_first(const DiffusionOperator& op, std::vector<int32_t>& order,
 
 // ---- polynomials ---------------------------------------------------------------------------
 
-constexpr Index kNodes = 640;
+constexpr Index kNodes = 384;
 constexpr Index kLongestFit = 150;
 constexpr double kRounding = 6e-8;
+// Scales grow by at most this from stop to stop, but for neighbouring levels. The first factor
+// counts from a scale [squared mean edges] below which no power law holds yet.
+constexpr double kLongestStride = 1.9;
+constexpr double kFirstStride = 2.0;
 
 // Nodes dense at s = 0, where coarse levels live: uniform in theta, s = s_max sin^2(theta / 2).
 struct Nodes {
@@ -102,10 +106,9 @@ Nodes make_nodes(double s_max) {
   return nodes;
 }
 
-// One of the norms: spectral density s^power of the signal.
+// One of the norms: spectral density s^power of the signal, times the width of the node.
 struct Measure {
-  int power;
-  VectorXd density;   // times the width of the node
+  VectorXd density;
   VectorXd rounding;  // squared, of what has been computed so far
 };
 
@@ -114,109 +117,168 @@ struct Fit {
   double error = 0.0;
 };
 
-// Relative errors of p g against f in all measures, for the level and for its Laplacian.
-double worst_error(const std::vector<Measure>& measures, const VectorXd& p, const VectorXd& g,
-                   const VectorXd& f, const VectorXd& before) {
-  double worst = 0.0;
-  for (const Measure& m : measures) {
-    const VectorXd rounding = p.cwiseAbs2().cwiseProduct(m.rounding);
-    const VectorXd level = p.cwiseProduct(g) - f;
-    const VectorXd loc = level - (g - before);  // times lambda
-    const double of_level =
-        (level.cwiseAbs2().dot(m.density) + rounding.sum()) / f.cwiseAbs2().dot(m.density);
-    const double of_loc =
-        (loc.cwiseAbs2().dot(m.density) + rounding.sum()) / (f - before).cwiseAbs2().dot(m.density);
-    worst = std::max({worst, of_level, of_loc});
-  }
-  return std::sqrt(worst);
-}
-
-Fit fit_step(const Nodes& nodes, const std::vector<Measure>& measures, const VectorXd& g,
-             const VectorXd& f, const VectorXd& before, Index first_degree, double error) {
-  // All norms at once: per node the weighted mean of the squares.
+// p with p(0) = at_zero that brings p g closest to f; the lowest degree up to `longest` that keeps
+// to `error`. All norms at once: per node the weighted mean of the squares. One decomposition
+// serves all degrees: the first d columns of Q and R are those of the fit of degree d.
+Fit fit_polynomial(const Nodes& nodes, const std::vector<Measure>& measures, const VectorXd& g,
+                   const VectorXd& f, double at_zero, Index longest, double error) {
   VectorXd a = VectorXd::Zero(kNodes);
   VectorXd b = VectorXd::Zero(kNodes);
+  double total = 0.0;  // of f
   for (const Measure& m : measures) {
-    // p g is to be f for the level and g + (f - before) for the difference.
-    const double of_level = 1.0 / f.cwiseAbs2().dot(m.density);
-    const double of_loc = 1.0 / (f - before).cwiseAbs2().dot(m.density);
-    a += (of_level + of_loc) * (m.density.cwiseProduct(g.cwiseAbs2()) + m.rounding);
-    b += m.density.cwiseProduct(g).cwiseProduct(of_level * f + of_loc * (g + f - before));
+    for (const int power : {0, 2}) {
+      const VectorXd weight = nodes.s.array().pow(power);
+      const VectorXd density = m.density.cwiseProduct(weight);
+      const double norm = f.cwiseAbs2().dot(density);
+      if (!(norm > 0.0)) continue;
+      a += (density.cwiseProduct(g.cwiseAbs2()) + m.rounding.cwiseProduct(weight)) / norm;
+      b += density.cwiseProduct(g).cwiseProduct(f) / norm;
+      total += 1.0;
+    }
   }
   const VectorXd row = a.cwiseSqrt();
   const VectorXd target = b.cwiseQuotient(row.cwiseMax(1e-150));
-  // p(0) = 1 exactly, since diffusion keeps the mean: p = 1 + sum c_k (T_k - 1).
+  const VectorXd rest = target - at_zero * row;
+  // p(0) is exact, since diffusion keeps the mean: p = at_zero + sum c_k (T_k - 1).
+  const MatrixXd basis = (nodes.chebyshev.middleCols(1, longest).array() - 1.0).matrix();
+  const Eigen::HouseholderQR<MatrixXd> qr(row.asDiagonal() * basis);
+  const VectorXd turned = qr.householderQ().adjoint() * rest;
+  double square = total - target.squaredNorm() + rest.squaredNorm();
+  Index degree = 0;
+  while (degree < longest && !(square <= error * error)) square -= std::pow(turned[degree++], 2);
+  degree = std::max<Index>(degree, 1);
+  const VectorXd c = qr.matrixQR()
+                         .topLeftCorner(degree, degree)
+                         .triangularView<Eigen::Upper>()
+                         .solve(turned.head(degree));
   Fit fit;
-  for (Index degree = first_degree; degree <= kLongestFit;
-       degree += std::max<Index>(1, degree / 16)) {
-    const MatrixXd basis = (nodes.chebyshev.middleCols(1, degree).array() - 1.0).matrix();
-    const MatrixXd A = row.asDiagonal() * basis;
-    const VectorXd c = A.householderQr().solve(target - row);
-    const VectorXd p = VectorXd::Ones(kNodes) + basis * c;
-    fit.coefficient.resize(degree + 1);
-    fit.coefficient << 1.0 - c.sum(), c;
-    fit.error = worst_error(measures, p, g, f, before);
-    if (fit.error <= error) break;
-  }
+  fit.coefficient.resize(degree + 1);
+  fit.coefficient << at_zero - c.sum(), c;
+  fit.error = std::sqrt(std::max(0.0, square));
   return fit;
 }
 
-// Steps too long for a fit: the series of f_{l+1} / f_l itself.
-VectorXd series_of_step(double lambda, Filter filter, double s_max) {
-  const auto ratio = [&](double s) {
-    VectorXd value(1);
-    if (filter == Filter::implicit) value[0] = 1.0 / (1.0 + lambda * s);
-    if (filter == Filter::heat) value[0] = std::exp(-lambda * s);
-    if (filter == Filter::forward) value[0] = 1.0 - lambda * s;
-    return value;
-  };
-  const MatrixXd series = chebyshev_coefficients(ratio, s_max);
-  const int length = truncation_lengths(series, VectorXd::Constant(1, 1e-6))[0];
-  return series.col(0).head(length);
+VectorXd values(const VectorXd& coefficient, const Nodes& nodes) {
+  return nodes.chebyshev.leftCols(coefficient.size()) * coefficient;
 }
 
-double value_of(const VectorXd& coefficient, double s, double s_max) {
-  return evaluate_chebyshev(coefficient, 0, coefficient.size(), s, s_max);
-}
-
-StepPolynomials compute(const LevelSchedule& schedule, Filter filter, double s_max, double error) {
-  const Nodes nodes = make_nodes(s_max);
-  const VectorXd steps = time_steps(schedule);
-  MatrixXd exact(kNodes, schedule.num_levels);
-  for (Index i = 0; i < kNodes; ++i)
-    exact.row(i) = transfer_functions(schedule, filter, nodes.s[i]).transpose();
-  std::vector<Measure> measures;
-  for (const int power : {0, 2}) {
-    measures.push_back({power,
-                        nodes.width.cwiseProduct(VectorXd(nodes.s.array().pow(power).matrix())),
-                        VectorXd::Zero(kNodes)});
+class Planner {
+ public:
+  Planner(const LevelSchedule& schedule, Filter filter, double s_max, double error)
+      : filter_(filter),
+        s_max_(s_max),
+        error_(error),
+        nodes_(make_nodes(s_max)),
+        steps_(time_steps(schedule)),
+        tau_(level_scales(schedule, ScaleMeasure::exact)),
+        exact_(kNodes, schedule.num_levels) {
+    for (Index i = 0; i < kNodes; ++i)
+      exact_.row(i) = transfer_functions(schedule, filter, nodes_.s[i]).transpose();
+    for (const int power : {0, 2}) {
+      measures_.push_back({nodes_.width.cwiseProduct(VectorXd(nodes_.s.array().pow(power))),
+                           VectorXd::Zero(kNodes)});
+    }
+    reached_ = exact_.col(0);
   }
-  StepPolynomials result;
-  VectorXd g = exact.col(0);
-  Index degree = 1;
-  for (Index l = 0; l < steps.size(); ++l) {
-    const VectorXd f = exact.col(l + 1);
-    Fit fit = fit_step(nodes, measures, g, f, exact.col(l), degree, error);
-    if (!(fit.error <= error)) {
-      fit.coefficient = series_of_step(steps[l], filter, s_max);
-      fit.error = error;
+
+  ReplicaPlan plan() {
+    // LoC^l = -B F^{l+1} for backward Euler, -B F^l for forward Euler.
+    if (filter_ != Filter::implicit) add_stop(0);
+    const Index last = steps_.size();
+    for (Index level = 0; level < last;) {
+      Index next = level + 1;
+      while (next < last && tau_[next + 1] <= kLongestStride * (tau_[level] - kFirstStride)) ++next;
+      add_stop(next);
+      level = next;
+    }
+    return std::move(plan_);
+  }
+
+ private:
+  void add_stop(Index level) {
+    ReplicaStop stop;
+    stop.level = level;
+    if (level > 0) stop.step = step_to(level);
+    if (filter_ == Filter::implicit) {
+      stop.loc_level = level - 1;
+    } else if (level < steps_.size()) {
+      stop.loc_level = level;
+    }
+    if (stop.loc_level >= 0) stop.loc = loc_at(stop.loc_level);
+    plan_.num_products +=
+        std::max<Index>(0, stop.step.size() - 1) + std::max<Index>(0, stop.loc.size() - 1);
+    plan_.stops.push_back(std::move(stop));
+    before_ = level;
+  }
+
+  VectorXd step_to(Index level) {
+    const VectorXd f = exact_.col(level);
+    const double duration = tau_[level] - tau_[before_];
+    // Twice what the steps of the defaults need.
+    const auto guess = static_cast<Index>(std::min(1e6, 8.0 + 3.0 * std::sqrt(s_max_ * duration)));
+    Fit fit;
+    for (Index longest = std::min(guess, kLongestFit);; longest = kLongestFit) {
+      fit = fit_polynomial(nodes_, measures_, reached_, f, 1.0, longest, error_);
+      if (fit.error <= error_ || longest == kLongestFit) break;
+    }
+    VectorXd p;
+    if (fit.error <= error_) {
+      p = values(fit.coefficient, nodes_);
+      plan_.largest_error = std::max(plan_.largest_error, fit.error);
     } else {
-      degree = std::max<Index>(1, fit.coefficient.size() - 3);
+      fit.coefficient = series_to(level);
+      p.resize(kNodes);
+      for (Index i = 0; i < kNodes; ++i) {
+        p[i] = evaluate_chebyshev(fit.coefficient, 0, fit.coefficient.size(), nodes_.s[i], s_max_);
+      }
+      plan_.largest_error = std::max(plan_.largest_error, error_);
     }
-    VectorXd p(kNodes);
-    for (Index i = 0; i < kNodes; ++i) p[i] = value_of(fit.coefficient, nodes.s[i], s_max);
-    g = g.cwiseProduct(p);
-    for (Measure& m : measures) {
+    reached_ = reached_.cwiseProduct(p);
+    for (Measure& m : measures_) {
       const double norm = f.cwiseAbs2().dot(m.density);
-      const double terms = static_cast<double>(fit.coefficient.size());
+      const auto terms = static_cast<double>(fit.coefficient.size());
       m.rounding = m.rounding.cwiseProduct(p.cwiseAbs2()) +
-                   kRounding * kRounding * terms * norm * nodes.width;
+                   kRounding * kRounding * terms * norm * nodes_.width;
     }
-    result.largest_error = std::max(result.largest_error, fit.error);
-    result.coefficient.push_back(std::move(fit.coefficient));
+    return fit.coefficient;
   }
-  return result;
-}
+
+  VectorXd series_to(Index level) const {
+    const auto ratio = [&](double s) {
+      VectorXd value = VectorXd::Ones(1);
+      for (Index l = before_; l < level; ++l) {
+        if (filter_ == Filter::implicit) value[0] /= 1.0 + steps_[l] * s;
+        if (filter_ == Filter::heat) value[0] *= std::exp(-steps_[l] * s);
+        if (filter_ == Filter::forward) value[0] *= 1.0 - steps_[l] * s;
+      }
+      return value;
+    };
+    const MatrixXd series = chebyshev_coefficients(ratio, s_max_);
+    const int length = truncation_lengths(series, VectorXd::Constant(1, 1e-6))[0];
+    return series.col(0).head(length);
+  }
+
+  VectorXd loc_at(Index level) const {
+    if (filter_ != Filter::heat) {
+      // -s
+      return Eigen::Vector2d(-0.5 * s_max_, 0.5 * s_max_);
+    }
+    const VectorXd loc = (exact_.col(level + 1) - exact_.col(level)) / steps_[level];
+    return fit_polynomial(nodes_, measures_, reached_, loc, 0.0, kLongestFit, error_).coefficient;
+  }
+
+  Filter filter_;
+  double s_max_;
+  double error_;
+  Nodes nodes_;
+  VectorXd steps_;
+  VectorXd tau_;
+  MatrixXd exact_;  // transfer functions of all levels
+  std::vector<Measure> measures_;
+  VectorXd reached_;  // product of the steps so far
+  Index before_ = 0;
+  ReplicaPlan plan_;
+};
 
 // ---- kernels -------------------------------------------------------------------------------
 
@@ -278,11 +340,6 @@ DUPIN_INLINE void term_any(const StepView& op, const TermFactors& f, Index first
   }
 }
 
-DUPIN_INLINE void difference_body(const Vector* next, const Vector* level, float inverse,
-                                  Index first, Index last, Vector* loc) {
-  for (Index r = first; r < last; ++r) loc[r] = (next[r] - level[r]) * inverse;
-}
-
 DUPIN_INLINE void squares_body(const Vector* rows, Index num_rows, float* sum) {
   for (Index r = 0; r < num_rows; ++r) {
     const Vector square = rows[r] * rows[r];
@@ -327,10 +384,6 @@ DUPIN_INLINE void peaks_body(const StepView& op, const Vector* rows, const float
                                const Vector* x, const Vector* previous, Vector* out,              \
                                Vector* total) {                                                   \
     term_any(op, f, first, last, x, previous, out, total);                                        \
-  }                                                                                               \
-  attribute void difference_##suffix(const Vector* next, const Vector* level, float inverse,      \
-                                     Index first, Index last, Vector* loc) {                      \
-    difference_body(next, level, inverse, first, last, loc);                                      \
   }                                                                                               \
   attribute void squares_##suffix(const Vector* rows, Index num_rows, float* sum) {               \
     squares_body(rows, num_rows, sum);                                                            \
@@ -411,20 +464,19 @@ RowSets make_row_sets(const DiffusionOperator& op) {
   return sets;
 }
 
-std::shared_ptr<const StepPolynomials> step_polynomials(const LevelSchedule& schedule,
-                                                        Filter filter, double spectrum_bound,
-                                                        double error) {
+std::shared_ptr<const ReplicaPlan> replica_plan(const LevelSchedule& schedule, Filter filter,
+                                                double spectrum_bound, double error) {
   struct Entry {
     LevelSchedule schedule;
     Filter filter;
     double bound;
     double error;
-    std::shared_ptr<const StepPolynomials> value;
+    std::shared_ptr<const ReplicaPlan> value;
   };
   static Guarded<std::list<Entry>> memory;
   constexpr size_t kRemembered = 8;
   const auto remembered =
-      memory.with([&](std::list<Entry>& entries) -> std::shared_ptr<const StepPolynomials> {
+      memory.with([&](std::list<Entry>& entries) -> std::shared_ptr<const ReplicaPlan> {
         for (const Entry& e : entries) {
           if (e.schedule.num_levels == schedule.num_levels &&
               e.schedule.lambda0 == schedule.lambda0 && e.schedule.delta == schedule.delta &&
@@ -436,7 +488,7 @@ std::shared_ptr<const StepPolynomials> step_polynomials(const LevelSchedule& sch
       });
   if (remembered) return remembered;
   auto value =
-      std::make_shared<const StepPolynomials>(compute(schedule, filter, spectrum_bound, error));
+      std::make_shared<const ReplicaPlan>(Planner(schedule, filter, spectrum_bound, error).plan());
   memory.with([&](std::list<Entry>& entries) {
     entries.push_front({schedule, filter, spectrum_bound, error, value});
     if (entries.size() > kRemembered) entries.pop_back();
@@ -444,8 +496,8 @@ std::shared_ptr<const StepPolynomials> step_polynomials(const LevelSchedule& sch
   return value;
 }
 
-void take_step(const RowSets& sets, double spectrum_bound, const VectorXd& coefficient,
-               double lambda, ReplicaFields& fields) {
+void apply_polynomial(const RowSets& sets, double spectrum_bound, const VectorXd& coefficient,
+                      ReplicaFields& fields) {
   const StepView view = view_of(sets);
   const auto scale = static_cast<float>(2.0 / spectrum_bound);
   const Index degree = coefficient.size() - 1;
@@ -481,11 +533,6 @@ void take_step(const RowSets& sets, double spectrum_bound, const VectorXd& coeff
     for (size_t i = 0; i < fields.level.size(); ++i)
       fields.next[i] = static_cast<float>(coefficient[0]) * fields.level[i];
   }
-  DUPIN_CALL(difference, vectors(std::as_const(fields.next).data()),
-             vectors(std::as_const(fields.level).data()), static_cast<float>(1.0 / lambda), 0,
-             sets.num_rows, vectors(fields.even.data()));
-  fields.loc = fields.even.data();
-  fields.level.swap(fields.next);
 }
 
 void sum_of_squares(const float* rows, Index num_rows, float* sum) {

@@ -33,21 +33,31 @@ struct RowSets {
 
 RowSets make_row_sets(const DiffusionOperator& op);
 
-/// One level after another: F^{l+1} = p_l(B) F^l with polynomials in Chebyshev form,
-/// p_l(s) = sum_k coefficient[l][k] T_k(1 - 2 s / s_max). Each is the least-squares fit that makes
-/// the product p_0 .. p_l closest to f_{l+1} in the norms of a white signal and of the Laplacian of
-/// one (which the height noise is), for the level and for its Laplacian, and that keeps rounding
-/// errors from growing.
-struct StepPolynomials {
-  std::vector<Eigen::VectorXd> coefficient;  ///< L - 1
-  double largest_error = 0.0;                ///< of the four relative errors of every level
+/// A stop of the walk up the levels. Polynomials are in Chebyshev form,
+/// p(s) = sum_k coefficient[k] T_k(1 - 2 s / s_max).
+struct ReplicaStop {
+  Eigen::Index level = 0;       ///< F^level = step(B) F of the stop before (the first: of F^0)
+  Eigen::VectorXd step;         ///< empty: F^0 itself
+  Eigen::Index loc_level = -1;  ///< LoC of this level = loc(B) F^level; -1: none
+  Eigen::VectorXd loc;
+};
+
+/// A walk up the levels that stops at all fine ones and then leaves some out, so that the scale
+/// does not quite double from one stop to the next where levels are closer than that.
+/// A step is the least-squares fit that makes the product of all steps so far closest to the
+/// transfer function of its level, in the norms of a white signal, of the Laplacian of one (which
+/// the height noise is), and of the Laplacians of both; steps too long for a fit are the series of
+/// the quotient itself.
+struct ReplicaPlan {
+  std::vector<ReplicaStop> stops;
+  double largest_error = 0.0;  ///< root of the sum of the four squared relative errors of a stop
+  Eigen::Index num_products = 0;
 };
 
 /// Remembered as filter_bank(). `error` is the relative error allowed; it enters a standard
 /// deviation by its square only, since what remains of a fit is orthogonal to it.
-std::shared_ptr<const StepPolynomials> step_polynomials(const LevelSchedule& schedule,
-                                                        Filter filter, double spectrum_bound,
-                                                        double error);
+std::shared_ptr<const ReplicaPlan> replica_plan(const LevelSchedule& schedule, Filter filter,
+                                                double spectrum_bound, double error);
 
 /// Memory on cache lines, so that a row is one whole load.
 template <class T>
@@ -69,14 +79,13 @@ struct CacheLineAllocator {
 struct ReplicaFields {
   using Buffer = std::vector<float, CacheLineAllocator<float>>;
   Buffer level;  ///< F^l
-  Buffer next;   ///< F^{l+1} of take_step(), swapped with `level` at its end
+  Buffer next;   ///< result of apply_polynomial()
   Buffer even, odd;
-  float* loc = nullptr;  ///< (F^{l+1} - F^l) / lambda_l of the last step
 };
 
-/// F^l -> F^{l+1} and LoC^l of sixteen fields.
-void take_step(const RowSets& sets, double spectrum_bound, const Eigen::VectorXd& coefficient,
-               double lambda, ReplicaFields& fields);
+/// next = p(B) level for sixteen fields.
+void apply_polynomial(const RowSets& sets, double spectrum_bound,
+                      const Eigen::VectorXd& coefficient, ReplicaFields& fields);
 
 /// sum[r] = sum over the lanes of the squares of row r.
 void sum_of_squares(const float* rows, Eigen::Index num_rows, float* sum);

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 using std::size_t;
 
 // Relative error of a step; it enters the standard deviation by its square.
-constexpr double kStepError = 0.03;
+constexpr double kStepError = 0.06;
 // Blocks of replicas in memory at once. Fixed, so that sums do not depend on the threads.
 constexpr Index kWave = 4;
 constexpr Index kGrain = 8192;
@@ -29,16 +29,17 @@ constexpr Index kGrain = 8192;
 constexpr Index kBands = 8;
 constexpr double kLeastPooling = 4.0;  // squared mean edges
 constexpr int kPoolingLevels = 9;      // up to 1435 squared mean edges
-constexpr double kPoolingError = 0.15;
+constexpr double kPoolingError = 0.4;
 constexpr float kCertain = 3.0F;        // standard errors of a logarithm of a variance
 constexpr float kLeastFactor = 1e-12F;  // of the mean variance of a level
+constexpr float kLeastVariance = 1e-37F;
 
 using Floats = ReplicaFields::Buffer;
 
 /// An extremum of the noise, until the standard deviations are known.
 struct Candidate {
   std::int32_t row;
-  std::int32_t level;
+  std::int32_t stop;  // row of the variances
   float value;
 };
 
@@ -83,13 +84,17 @@ class Estimator {
         num_levels_(options.schedule.num_levels),
         num_blocks_((options.num_replicas + kReplicaLanes - 1) / kReplicaLanes),
         sets_(detail::make_row_sets(op)),
-        steps_(time_steps(options.schedule)),
         tau_(level_scales(options.schedule, ScaleMeasure::exact)),
-        polynomials_(detail::step_polynomials(options.schedule, options.filter, op.spectrum_bound,
-                                              kStepError)),
+        plan_(
+            detail::replica_plan(options.schedule, options.filter, op.spectrum_bound, kStepError)),
         candidates_(static_cast<size_t>(num_blocks_ * kReplicaLanes)) {
-    loc_variance_.setZero(num_levels_ - 1, op.num_vertices);
-    if (options.want_levels) level_variance_.setZero(num_levels_, op.num_vertices);
+    if (options.want_levels) levels_.at.push_back(0);
+    for (const detail::ReplicaStop& stop : plan_->stops) {
+      if (stop.loc_level >= 0) loc_.at.push_back(stop.loc_level);
+      if (options.want_levels && stop.level > 0) levels_.at.push_back(stop.level);
+    }
+    loc_.resize(op.num_vertices);
+    levels_.resize(op.num_vertices);
     last_searched_ = options.last_searched > 0 ? options.last_searched : num_levels_ - 2;
   }
 
@@ -102,20 +107,25 @@ class Estimator {
       }
     }
     const auto count = static_cast<float>(num_blocks_ * kReplicaLanes);
-    loc_variance_ /= count;
-    level_variance_ /= count;
+    loc_.variance /= count;
+    levels_.variance /= count;
     pool();
-    to_deviation(loc_variance_);
-    to_deviation(level_variance_);
     result.maxima = maxima();
-    const double unit = signal_.unit;
-    result.loc_sd = to_vertices(loc_variance_, unit);
-    result.level_sd = to_vertices(level_variance_, unit);
+    result.loc_sd = to_vertices(loc_, num_levels_ - 1, 1);
+    if (options_.want_levels) result.level_sd = to_vertices(levels_, num_levels_, 0);
     run_.report(1.0);
     return result;
   }
 
  private:
+  // Variances at the stops of the walk, in the order of sets_.
+  struct Rows {
+    std::vector<Index> at;  // levels
+    LevelMatrixF variance;  // sums, then means over the replicas, then pooled
+
+    void resize(Index num_rows) { variance.setZero(static_cast<Index>(at.size()), num_rows); }
+  };
+
   void load(Worker& worker, Index block) const {
     const ReplicaBlock drawn = signal_.draw(block);
     if (drawn.rows() != op_.num_vertices) {
@@ -156,49 +166,66 @@ class Estimator {
         for (Index w = first; w < last; ++w) action(workers[static_cast<size_t>(w)], w);
       });
     };
+    const auto square_levels = [&](Worker& worker) {
+      if (!options_.want_levels) return;
+      detail::sum_of_squares(worker.fields.level.data(), sets_.num_rows,
+                             worker.level_squares.data());
+    };
     for_workers([&](Worker& worker, Index w) {
       load(worker, first_block + w);
-      if (options_.want_levels) {
-        detail::sum_of_squares(worker.fields.level.data(), sets_.num_rows,
-                               worker.level_squares.data());
-      }
+      square_levels(worker);
     });
-    if (options_.want_levels) add_squares(workers, &Worker::level_squares, level_variance_, 0);
+    Index level_row = 0;
+    Index loc_row = 0;
+    if (options_.want_levels)
+      add_squares(workers, &Worker::level_squares, levels_.variance, level_row++);
     Floats floor;
-    for (Index l = 0; l + 1 < num_levels_; ++l) {
+    Index products = 0;
+    for (const detail::ReplicaStop& stop : plan_->stops) {
       if (run_.cancelled()) return false;
+      const Index l = stop.loc_level;
       for_workers([&](Worker& worker, Index) {
-        detail::take_step(sets_, op_.spectrum_bound,
-                          polynomials_->coefficient[static_cast<size_t>(l)], steps_[l],
-                          worker.fields);
-        detail::sum_of_squares(worker.fields.loc, sets_.num_rows, worker.loc_squares.data());
-        if (options_.want_levels) {
-          detail::sum_of_squares(worker.fields.level.data(), sets_.num_rows,
-                                 worker.level_squares.data());
+        if (stop.level > 0) {
+          detail::apply_polynomial(sets_, op_.spectrum_bound, stop.step, worker.fields);
+          worker.fields.level.swap(worker.fields.next);
+          square_levels(worker);
         }
+        if (l < 0) return;
+        detail::apply_polynomial(sets_, op_.spectrum_bound, stop.loc, worker.fields);
+        detail::sum_of_squares(worker.fields.next.data(), sets_.num_rows,
+                               worker.loc_squares.data());
       });
-      add_squares(workers, &Worker::loc_squares, loc_variance_, l);
-      if (options_.want_levels)
-        add_squares(workers, &Worker::level_squares, level_variance_, l + 1);
-      if (l >= options_.first_searched && l <= last_searched_) {
-        set_floor(l, last_block, floor);
-        for_workers([&](Worker& worker, Index w) { collect(worker, first_block + w, l, floor); });
+      if (options_.want_levels && stop.level > 0)
+        add_squares(workers, &Worker::level_squares, levels_.variance, level_row++);
+      if (l >= 0) {
+        add_squares(workers, &Worker::loc_squares, loc_.variance, loc_row);
+        if (l >= options_.first_searched && l <= last_searched_) {
+          set_floor(loc_row, last_block, floor);
+          for_workers(
+              [&](Worker& worker, Index w) { collect(worker, first_block + w, loc_row, floor); });
+        }
+        ++loc_row;
       }
+      products += stop.step.size() + stop.loc.size();
       run_.report(0.9 *
                   (static_cast<double>(first_block) +
-                   static_cast<double>(count) * tau_[l + 1] / tau_[num_levels_ - 1]) /
+                   static_cast<double>(count) *
+                       std::min(1.0, static_cast<double>(products) /
+                                         (2.0 * static_cast<double>(plan_->num_products)))) /
                   static_cast<double>(num_blocks_));
     }
     return true;
   }
 
-  // Squares that an extremum must exceed to be remembered: the largest ones decide. On small
-  // surfaces all of them count.
-  void set_floor(Index level, Index num_blocks, Floats& floor) const {
+  // Squares that an extremum must exceed to be remembered. Over thousands of independent places
+  // (tau rows each) the largest of a replica is beyond three standard deviations; where there are
+  // fewer all extrema count.
+  void set_floor(Index row, Index num_blocks, Floats& floor) const {
     const auto replicas = static_cast<float>(num_blocks * kReplicaLanes);
-    const float least = sets_.num_rows < 20'000 ? 0.0F : 2.0F * 2.0F;
+    const double tau = tau_[loc_.at[static_cast<size_t>(row)] + 1];
+    const float least = static_cast<double>(sets_.num_rows) < 4000.0 * tau ? 0.0F : 3.0F * 3.0F;
     floor.resize(static_cast<size_t>(sets_.num_rows));
-    const float* sum = loc_variance_.data() + level * loc_variance_.cols();
+    const float* sum = loc_.variance.data() + row * loc_.variance.cols();
     parallel_for(0, sets_.num_rows, kGrain, [&](Index first, Index last) {
       for (Index r = first; r < last; ++r) {
         const auto i = static_cast<size_t>(r);
@@ -210,30 +237,30 @@ class Estimator {
     });
   }
 
-  void collect(Worker& worker, Index block, Index level, const Floats& floor) {
+  void collect(Worker& worker, Index block, Index row, const Floats& floor) {
     worker.peaks.clear();
-    detail::find_peaks(sets_, worker.fields.loc, floor.data(), worker.peaks);
+    detail::find_peaks(sets_, worker.fields.next.data(), floor.data(), worker.peaks);
     for (const detail::ReplicaPeak& peak : worker.peaks) {
       candidates_[static_cast<size_t>(block * kReplicaLanes + peak.lane)].push_back(
-          {peak.row, static_cast<std::int32_t>(level), peak.value});
+          {peak.row, static_cast<std::int32_t>(row), peak.value});
     }
   }
 
   // Variances that are pooled together, eight bands of levels each.
   struct Pooled {
-    LevelMatrixF* variance;
-    Index first_step;  // row 0 belongs to this level of F
-    Index lane;        // of its first band
-    VectorXd mean;     // of every row
+    Rows* rows;
+    Index delay;    // steps that row 0 has been diffused for
+    Index lane;     // of its first band
+    VectorXd mean;  // of every row
   };
 
-  static Index num_bands(const Pooled& p) { return std::min(kBands, p.variance->rows()); }
+  static Index num_bands(const Pooled& p) { return std::min(kBands, p.rows->variance.rows()); }
 
   // Row of the variances, possibly between two, that band b stands for.
   static double centre(const Pooled& p, Index b) {
     return num_bands(p) == 1
                ? 0.0
-               : static_cast<double>(b) * static_cast<double>(p.variance->rows() - 1) /
+               : static_cast<double>(b) * static_cast<double>(p.rows->variance.rows() - 1) /
                      static_cast<double>(num_bands(p) - 1);
   }
 
@@ -248,9 +275,9 @@ class Estimator {
   // the levels: the large variances at a boundary would swamp an average of the factor itself.
   void pool() {
     if (options_.pooling == 0.0 || op_.num_vertices == 0) return;
-    std::vector<Pooled> fields{{&loc_variance_, 1, 0, level_means(loc_variance_)}};
+    std::vector<Pooled> fields{{&loc_, 1, 0, level_means(loc_.variance)}};
     if (options_.want_levels)
-      fields.push_back({&level_variance_, 0, kBands, level_means(level_variance_)});
+      fields.push_back({&levels_, 0, kBands, level_means(levels_.variance)});
     Floats factor(static_cast<size_t>(sets_.num_rows * kReplicaLanes), 0.0F);
     VectorXd duration = VectorXd::Zero(kReplicaLanes);
     for (const Pooled& p : fields) gather_factors(p, factor, duration);
@@ -260,7 +287,7 @@ class Estimator {
 
   void gather_factors(const Pooled& p, Floats& factor, VectorXd& duration) const {
     for (Index b = 0; b < num_bands(p); ++b) {
-      const auto level = static_cast<Index>(std::lround(centre(p, b))) + p.first_step;
+      const Index level = p.rows->at[static_cast<size_t>(std::lround(centre(p, b)))] + p.delay;
       duration[p.lane + b] = std::max(kLeastPooling, options_.pooling * tau_[level]);
       double total = 0.0;
       for (Index l = 0; l < p.mean.size(); ++l) total += p.mean[l] > 0.0 ? share(p, b, l) : 0.0;
@@ -268,7 +295,7 @@ class Estimator {
         if (!(share(p, b, l) > 0.0) || !(p.mean[l] > 0.0)) continue;
         const auto weight = static_cast<float>(share(p, b, l) / total);
         const auto inverse = static_cast<float>(1.0 / p.mean[l]);
-        const float* row = p.variance->data() + l * p.variance->cols();
+        const float* row = p.rows->variance.data() + l * p.rows->variance.cols();
         parallel_for(0, sets_.num_rows, kGrain, [&](Index first, Index last) {
           for (Index r = first; r < last; ++r)
             factor[static_cast<size_t>(r * kReplicaLanes + p.lane + b)] +=
@@ -290,9 +317,9 @@ class Estimator {
     const auto count = static_cast<float>(num_blocks_ * kReplicaLanes);
     const float bias = std::exp(1.0F / count);
     const float noise = kCertain * std::sqrt(2.0F / count);
-    parallel_for(0, p.variance->rows(), 1, [&](Index first, Index last) {
+    parallel_for(0, p.rows->variance.rows(), 1, [&](Index first, Index last) {
       for (Index l = first; l < last; ++l) {
-        float* row = p.variance->data() + l * p.variance->cols();
+        float* row = p.rows->variance.data() + l * p.rows->variance.cols();
         const double spacing = num_bands(p) > 1 ? centre(p, 1) : 1.0;
         const Index low = std::min(
             num_bands(p) - 1, static_cast<Index>(std::floor(static_cast<double>(l) / spacing)));
@@ -327,21 +354,23 @@ class Estimator {
   // wide an average is need not be exact: large errors of the steps are allowed.
   void smooth(Floats& factor, const VectorXd& duration) const {
     const LevelSchedule schedule{kPoolingLevels, kLeastPooling, 1.9};
-    const auto polynomials =
-        detail::step_polynomials(schedule, Filter::implicit, op_.spectrum_bound, kPoolingError);
-    const VectorXd steps = time_steps(schedule);
+    const auto plan =
+        detail::replica_plan(schedule, Filter::implicit, op_.spectrum_bound, kPoolingError);
     const VectorXd tau = level_scales(schedule, ScaleMeasure::exact);
     ReplicaFields fields;
     fields.level = factor;
     for (Floats* buffer : {&fields.next, &fields.even, &fields.odd}) buffer->resize(factor.size());
     std::vector<std::uint8_t> is_done(static_cast<size_t>(kReplicaLanes), 0);
-    for (Index l = 0; l < steps.size(); ++l) {
-      detail::take_step(sets_, op_.spectrum_bound, polynomials->coefficient[static_cast<size_t>(l)],
-                        steps[l], fields);
+    for (size_t k = 0; k < plan->stops.size(); ++k) {
+      const detail::ReplicaStop& stop = plan->stops[k];
+      if (std::all_of(is_done.begin(), is_done.end(), [](std::uint8_t done) { return done != 0; }))
+        break;
+      detail::apply_polynomial(sets_, op_.spectrum_bound, stop.step, fields);
+      fields.level.swap(fields.next);
       for (Index lane = 0; lane < kReplicaLanes; ++lane) {
-        const bool is_last = l + 1 == steps.size();
+        const bool is_last = k + 1 == plan->stops.size();
         if (is_done[static_cast<size_t>(lane)] != 0 ||
-            (tau[l + 1] < 0.8 * duration[lane] && !is_last))
+            (tau[stop.level] < 0.8 * duration[lane] && !is_last))
           continue;
         is_done[static_cast<size_t>(lane)] = 1;
         for (Index r = 0; r < sets_.num_rows; ++r) {
@@ -352,19 +381,12 @@ class Estimator {
     }
   }
 
-  static void to_deviation(LevelMatrixF& variance) {
-    parallel_for(0, variance.rows(), 1, [&](Index first, Index last) {
-      for (Index l = first; l < last; ++l)
-        variance.row(l) = variance.row(l).cwiseMax(0.0F).cwiseSqrt();
-    });
-  }
-
   VectorXd maxima() const {
     VectorXd largest = VectorXd::Zero(static_cast<Index>(candidates_.size()));
     for (size_t k = 0; k < candidates_.size(); ++k) {
       double& most = largest[static_cast<Index>(k)];
       for (const Candidate& c : candidates_[k]) {
-        const auto sd = static_cast<double>(loc_variance_(c.level, c.row));
+        const auto sd = std::sqrt(static_cast<double>(loc_.variance(c.stop, c.row)));
         const double value = std::abs(static_cast<double>(c.value));
         if (sd > 0.0) most = std::max(most, value / sd);
       }
@@ -372,13 +394,38 @@ class Estimator {
     return largest;
   }
 
-  LevelMatrixF to_vertices(const LevelMatrixF& rows, double unit) const {
-    LevelMatrixF result(rows.rows(), rows.cols());
-    const auto factor = static_cast<float>(unit);
-    parallel_for(0, rows.rows(), 1, [&](Index first, Index last) {
+  // Standard deviations of all levels, in the order of the vertices. Between two stops the
+  // logarithm of the variance is linear in that of the scale.
+  LevelMatrixF to_vertices(const Rows& rows, Index num_levels, Index delay) const {
+    LevelMatrixF result(num_levels, sets_.num_rows);
+    const double unit = signal_.unit;
+    parallel_for(0, num_levels, 1, [&](Index first, Index last) {
       for (Index l = first; l < last; ++l) {
-        for (Index r = 0; r < rows.cols(); ++r)
-          result(l, sets_.vertex[static_cast<size_t>(r)]) = factor * rows(l, r);
+        const auto above = std::lower_bound(rows.at.begin(), rows.at.end(), l);
+        const Index high = std::min(static_cast<Index>(above - rows.at.begin()),
+                                    static_cast<Index>(rows.at.size()) - 1);
+        const float* to = rows.variance.data() + high * sets_.num_rows;
+        float* out = result.data() + l * sets_.num_rows;
+        const auto scaled = static_cast<float>(unit);
+        if (*above == l) {
+          for (Index r = 0; r < sets_.num_rows; ++r)
+            out[sets_.vertex[static_cast<size_t>(r)]] = scaled * std::sqrt(to[r]);
+          continue;
+        }
+        const float* from = to - sets_.num_rows;
+        const auto place = [&](Index level) { return std::log(tau_[level + delay]); };
+        const Index low = rows.at[static_cast<size_t>(high - 1)];
+        const auto share =
+            static_cast<float>(0.5 * (place(l) - place(low)) /
+                               (place(rows.at[static_cast<size_t>(high)]) - place(low)));
+        for (Index r = 0; r < sets_.num_rows; ++r) {
+          const float a = std::max(from[r], kLeastVariance);
+          const float b = std::max(to[r], kLeastVariance);
+          out[sets_.vertex[static_cast<size_t>(r)]] =
+              from[r] > 0.0F && to[r] > 0.0F
+                  ? scaled * std::exp(0.5F * std::log(a) + share * std::log(b / a))
+                  : 0.0F;
+        }
       }
     });
     return result;
@@ -391,12 +438,11 @@ class Estimator {
   Index num_levels_;
   Index num_blocks_;
   RowSets sets_;
-  VectorXd steps_;
   VectorXd tau_;
-  std::shared_ptr<const detail::StepPolynomials> polynomials_;
+  std::shared_ptr<const detail::ReplicaPlan> plan_;
   Index last_searched_ = 0;
-  LevelMatrixF level_variance_;  // in the order of sets_; sums, then means, then deviations
-  LevelMatrixF loc_variance_;
+  Rows levels_;
+  Rows loc_;
   std::vector<std::vector<Candidate>> candidates_;  // of every replica
 };
 
