@@ -78,47 +78,104 @@ std::optional<double> position_sd(const SurfaceGraph& graph, const LevelMatrix& 
   return sd;
 }
 
-// Propagates the noise of three responses through the vertex of their parabola.
-std::optional<double> radius_sd(const SurfaceGraph& graph, const LevelMatrix& loc,
-                                const VectorXd& factor, const VectorXd& tau, const VectorXd& scale,
-                                bool is_exact, const NoiseLaw& law, const Keypoint& point) {
-  const Index l = point.level;
-  if (!point.is_scale_peak || l < 1 || l + 1 >= loc.rows()) return std::nullopt;
-  const int sign = point.kind == KeypointKind::maximum ? 1 : -1;
-  const auto place = [&](Index level) {
-    return level == l ? point.scale_vertex
-                      : detail::climb(graph.topology.ring, loc, level, sign, point.scale_vertex);
-  };
-  const std::int32_t vertex[3] = {place(l - 1), place(l), place(l + 1)};
-  const auto response = [&](Index i) {
-    return sign * factor[l - 1 + i] * loc(l - 1 + i, vertex[i]);
-  };
-  const double before = response(0);
-  const double at = response(1);
-  const double after = response(2);
-  const double bend = before - 2.0 * at + after;
-  if (!(bend < 0.0)) return std::nullopt;
-  // offset = (before - after) / (2 bend)
-  const double square = bend * bend;
-  const double slope[3] = {(after - at) / square, (before - after) / square,
-                           (at - before) / square};
-  double variance = 0.0;
-  for (Index i = 0; i < 3; ++i) {
-    for (Index j = 0; j < 3; ++j) {
-      variance +=
-          slope[i] * slope[j] * factor[l - 1 + i] * factor[l - 1 + j] *
-          law.covariance(tau[l + i], tau[l + j],
-                         (graph.points.row(vertex[i]) - graph.points.row(vertex[j])).squaredNorm() /
-                             (graph.mean_edge * graph.mean_edge));
-    }
+// Responses at a vertex on the level of a keypoint and on those next to it.
+struct ScaleTriple {
+  std::int32_t vertex[3];
+  double response[3];  // positive at the keypoint
+  double bend() const { return response[0] - 2.0 * response[1] + response[2]; }
+  // Vertex of the parabola, in levels.
+  double offset() const {
+    return std::clamp(0.5 * (response[0] - response[2]) / bend(), -0.5, 0.5);
   }
-  // Scales are geometric between levels; the radius is sqrt(tau) e, or t e.
-  const bool is_above = before < after;
+};
+
+class RadiusError {
+ public:
+  RadiusError(const SurfaceGraph& graph, const LevelMatrix& loc, const VectorXd& factor,
+              const VectorXd& tau, const KeypointOptions& options)
+      : graph_(graph), loc_(loc), factor_(factor), tau_(tau), options_(options) {}
+
+  // Variance of the fractional level: what the noise of the responses does to the parabola, and the
+  // squared distance to where a neighbour would put it, times the probability that noise lets that
+  // neighbour win.
+  std::optional<double> level_variance(const NoiseLaw& law, const Keypoint& point) const {
+    const Index l = point.level;
+    const ScaleTriple at = triple(point, point.scale_vertex);
+    if (!(at.bend() < 0.0)) return std::nullopt;
+    double variance = parabola_variance(law, l, at);
+    const Adjacency& ring = graph_.topology.ring;
+    for (const std::int32_t* j = ring.begin(point.scale_vertex); j != ring.end(point.scale_vertex);
+         ++j) {
+      const ScaleTriple other = triple(point, *j);
+      if (!(other.bend() < 0.0)) continue;
+      const double of_difference =
+          2.0 * (covariance(law, l, at, 1, at, 1) - covariance(law, l, at, 1, other, 1));
+      if (!(of_difference > 0.0)) continue;
+      const double lead = (at.response[1] - other.response[1]) / std::sqrt(of_difference);
+      variance +=
+          0.5 * std::erfc(lead / std::sqrt(2.0)) * std::pow(other.offset() - at.offset(), 2);
+    }
+    return variance;
+  }
+
+ private:
+  // Extrema in space and scale are compared at one vertex, tracks follow the extremum.
+  ScaleTriple triple(const Keypoint& point, std::int32_t start) const {
+    const int sign = point.kind == KeypointKind::maximum ? 1 : -1;
+    ScaleTriple result{};
+    for (Index i = 0; i < 3; ++i) {
+      const Index level = point.level - 1 + i;
+      result.vertex[i] = i == 1 || options_.rule == KeypointRule::space_scale
+                             ? start
+                             : detail::climb(graph_.topology.ring, loc_, level, sign, start);
+      result.response[i] = sign * factor_[level] * loc_(level, result.vertex[i]);
+    }
+    return result;
+  }
+
+  // Of two responses about level l.
+  double covariance(const NoiseLaw& law, Index l, const ScaleTriple& a, Index i,
+                    const ScaleTriple& b, Index j) const {
+    const double square =
+        (graph_.points.row(a.vertex[i]) - graph_.points.row(b.vertex[j])).squaredNorm() /
+        (graph_.mean_edge * graph_.mean_edge);
+    return factor_[l - 1 + i] * factor_[l - 1 + j] *
+           law.covariance(tau_[l + i], tau_[l + j], square);
+  }
+
+  // offset = (before - after) / (2 bend)
+  double parabola_variance(const NoiseLaw& law, Index l, const ScaleTriple& at) const {
+    const double square = at.bend() * at.bend();
+    const double* z = at.response;
+    const double slope[3] = {(z[2] - z[1]) / square, (z[0] - z[2]) / square,
+                             (z[1] - z[0]) / square};
+    double variance = 0.0;
+    for (Index i = 0; i < 3; ++i) {
+      for (Index j = 0; j < 3; ++j)
+        variance += slope[i] * slope[j] * covariance(law, l, at, i, at, j);
+    }
+    return std::max(0.0, variance);
+  }
+
+  const SurfaceGraph& graph_;
+  const LevelMatrix& loc_;
+  const VectorXd& factor_;
+  const VectorXd& tau_;
+  const KeypointOptions& options_;
+};
+
+// Scales are geometric between levels; the radius is sqrt(tau) e, or t e.
+std::optional<double> radius_sd(const RadiusError& error, const VectorXd& scale, bool is_exact,
+                                Index num_loc, const NoiseLaw& law, const Keypoint& point) {
+  const Index l = point.level;
+  if (!point.is_scale_peak || l < 1 || l + 1 >= num_loc) return std::nullopt;
+  const std::optional<double> variance = error.level_variance(law, point);
+  const bool is_above = point.t > scale[l];
   const double from = is_above ? scale[l] : scale[l - 1];
   const double to = is_above ? scale[l + 1] : scale[l];
-  if (!(from > 0.0)) return std::nullopt;
-  const double sd = point.radius * (is_exact ? 0.5 : 1.0) * std::log(to / from) *
-                    std::sqrt(std::max(0.0, variance));
+  if (!variance || !(from > 0.0)) return std::nullopt;
+  const double sd =
+      point.radius * (is_exact ? 0.5 : 1.0) * std::log(to / from) * std::sqrt(*variance);
   if (!std::isfinite(sd)) return std::nullopt;
   return sd;
 }
@@ -162,6 +219,7 @@ std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
   const VectorXd tau = level_scales(schedule, ScaleMeasure::exact);
   const VectorXd scale = level_scales(schedule, options.measure);
   const MaximumLaw law = fit_maximum_law(noise.maxima);
+  const RadiusError radius_error(graph, loc, factor, tau, options);
   std::vector<KeypointUncertainty> result;
   result.reserve(keypoints.size());
   for (const Keypoint& point : keypoints) {
@@ -174,7 +232,7 @@ std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
     u.p_value = u.snr == largest ? 0.0 : law.p_value(u.snr);
     u.position_sd =
         position_sd(graph, loc, noise_law(noise, tau, point.position_level, point.vertex), point);
-    u.radius_sd = radius_sd(graph, loc, factor, tau, scale, options.measure == ScaleMeasure::exact,
+    u.radius_sd = radius_sd(radius_error, scale, options.measure == ScaleMeasure::exact, loc.rows(),
                             noise_law(noise, tau, point.level, point.scale_vertex), point);
     result.push_back(u);
   }
