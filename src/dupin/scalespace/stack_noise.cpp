@@ -22,6 +22,10 @@ using std::size_t;
 
 // Relative error of a step; it enters the standard deviation by its square.
 constexpr double kStepError = 0.06;
+// Where the coarsest levels hold few modes, their spectrum is no continuum, in whose norms the
+// error is small: such surfaces are small, and closer fits cheap.
+constexpr double kSmallStepError = 0.01;
+constexpr double kFewModes = 20.0;  // vertices for a unit of tau
 // Blocks of replicas in memory at once. Fixed, so that sums do not depend on the threads.
 constexpr Index kWave = 4;
 constexpr Index kGrain = 8192;
@@ -32,7 +36,6 @@ constexpr int kPoolingLevels = 9;      // up to 1435 squared mean edges
 constexpr double kPoolingError = 0.4;
 constexpr float kCertain = 3.0F;        // standard errors of a logarithm of a variance
 constexpr float kLeastFactor = 1e-12F;  // of the mean variance of a level
-constexpr float kLeastVariance = 1e-37F;
 
 using Floats = ReplicaFields::Buffer;
 
@@ -85,8 +88,11 @@ class Estimator {
         num_blocks_((options.num_replicas + kReplicaLanes - 1) / kReplicaLanes),
         sets_(detail::make_row_sets(op)),
         tau_(level_scales(options.schedule, ScaleMeasure::exact)),
-        plan_(
-            detail::replica_plan(options.schedule, options.filter, op.spectrum_bound, kStepError)),
+        plan_(detail::replica_plan(
+            options.schedule, options.filter, op.spectrum_bound,
+            static_cast<double>(op.num_vertices) < kFewModes * tau_[num_levels_ - 1]
+                ? kSmallStepError
+                : kStepError)),
         candidates_(static_cast<size_t>(num_blocks_ * kReplicaLanes)) {
     if (options.want_levels) levels_.at.push_back(0);
     for (const detail::ReplicaStop& stop : plan_->stops) {
@@ -112,7 +118,10 @@ class Estimator {
     pool();
     result.maxima = maxima();
     result.loc_sd = to_vertices(loc_, num_levels_ - 1, 1);
-    if (options_.want_levels) result.level_sd = to_vertices(levels_, num_levels_, 0);
+    if (options_.want_levels) {
+      result.level_sd = to_vertices(levels_, num_levels_, 0);
+      add_bias(result.level_sd);
+    }
     run_.report(1.0);
     return result;
   }
@@ -394,6 +403,16 @@ class Estimator {
     return largest;
   }
 
+  void add_bias(LevelMatrixF& level_sd) const {
+    if (signal_.bias.size() == 0) return;
+    ScaleSpaceOptions options;
+    options.schedule = options_.schedule;
+    options.filter = options_.filter;
+    options.want_loc = false;
+    const LevelMatrixF bias = compute_scale_space_single(op_, signal_.bias, options).levels;
+    level_sd = (level_sd.array().square() + bias.array().square()).sqrt();
+  }
+
   // Standard deviations of all levels, in the order of the vertices. Between two stops the
   // logarithm of the variance is linear in that of the scale.
   LevelMatrixF to_vertices(const Rows& rows, Index num_levels, Index delay) const {
@@ -419,11 +438,9 @@ class Estimator {
             static_cast<float>(0.5 * (place(l) - place(low)) /
                                (place(rows.at[static_cast<size_t>(high)]) - place(low)));
         for (Index r = 0; r < sets_.num_rows; ++r) {
-          const float a = std::max(from[r], kLeastVariance);
-          const float b = std::max(to[r], kLeastVariance);
           out[sets_.vertex[static_cast<size_t>(r)]] =
               from[r] > 0.0F && to[r] > 0.0F
-                  ? scaled * std::exp(0.5F * std::log(a) + share * std::log(b / a))
+                  ? scaled * std::exp((0.5F - share) * std::log(from[r]) + share * std::log(to[r]))
                   : 0.0F;
         }
       }

@@ -34,8 +34,10 @@ struct StackNoiseOptions {
 /// Noise of a scale-space stack.
 struct StackNoise {
   Status status = Status::ok;  ///< cancelled: the matrices are empty
-  LevelMatrixF level_sd;       ///< L by V: standard deviation of F^l [signal]; empty: not wanted
-  LevelMatrixF loc_sd;         ///< L - 1 by V: of LoC^l [signal]
+  /// L by V: root mean square error of F^l [signal], its standard deviation and its bias together:
+  /// coarse levels average the noise away, but not its bias. Empty: not wanted.
+  LevelMatrixF level_sd;
+  LevelMatrixF loc_sd;  ///< L - 1 by V: standard deviation of LoC^l [signal]
   /// R: of every replica, the largest |LoC| / sd over the extrema of the levels searched: what
   /// noise alone would offer to a detector. 0 where there is none.
   Eigen::VectorXd maxima;
@@ -45,14 +47,17 @@ struct StackNoise {
 /// signal with the noise `signal`: Cov_l = P_l Sigma P_l^T (thesis 5.3 with erratum E-26), from R
 /// replicas of the noise that walk up the levels together (numerics.md 3).
 ///
-/// Levels follow one another by least-squares polynomials (detail::step_polynomials) in single
-/// precision, which is 0.1 % of a standard deviation at most. The sample of R replicas itself
+/// Levels follow one another by least-squares polynomials (detail::replica_plan) in single
+/// precision; coarse levels between two stops are interpolated. Both are within 2 % of a standard
+/// deviation where the spectrum is that of a large surface; once only its slowest modes are left
+/// (tau of the order of #V) LoC is overestimated. The sample of R replicas itself
 /// leaves 1 / sqrt(2 (R - 1)), 13 % for 32; pooling brings it to a few percent
 /// (docs/methods/keypoint_uncertainty.md has the measured figures).
 ///
 /// Same input, same bits, for any number of threads and any instruction set.
 /// @throws InvalidArgument if an option is out of range or a size differs
-/// Cost: about 400 products with the operator for 35 levels and every eight replicas.
+/// Cost: about 300 products with the operator for 35 levels and every sixteen replicas; with levels
+/// one more stack for the bias.
 StackNoise estimate_stack_noise(const DiffusionOperator& op, const SignalNoise& signal,
                                 const StackNoiseOptions& options = {}, RunControl run = {});
 

@@ -19,6 +19,8 @@ struct SignalNoise {
   double unit = 0.0;
   /// Replicas 16 b .. 16 b + 15, #V by 16. A function of b alone; may be called from many threads.
   std::function<ReplicaBlock(Eigen::Index block)> draw;
+  /// Expected change of the signal, of second order, where it is known; #V, or empty: none.
+  Eigen::VectorXd bias;
   /// How the vertices move in one replica, #V by 3 [mu]: what `draw` differentiates along.
   std::function<Points(Eigen::Index replica)> displacement;
 };
@@ -37,7 +39,10 @@ struct SignalNoiseOptions {
 /// smoothed normals: dh = 2/e^2 (n . d(p - mean of ring) + dn . (p - mean of ring)) - 2 h de/e. The
 /// second term vanishes on regular meshes but is white where the first has no low frequencies, so
 /// that it leads at coarse levels of irregular meshes (docs/methods/keypoint_uncertainty.md). The
-/// normals of a cloud are held. Other signals: central difference over a thousandth of sigma.
+/// normals of a cloud are held. As the points are themselves noisy, p - mean of ring is shrunk to
+/// half its noise, so that products of two noises keep their variance under large noise too. The
+/// bias is that of the mean edge, which noise lengthens: -2 h E[de] / e. Other signals: central
+/// difference over a thousandth of sigma.
 ///
 /// Deviates are quantiles of the normal distribution in 4096 steps, unit variance, from a hash of
 /// (seed, replica, vertex): the same for any order of calls.
