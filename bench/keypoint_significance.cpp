@@ -1,4 +1,5 @@
-// Do error bars of keypoints hold what they promise? Two tables in Markdown.
+// Do error bars of keypoints hold what they promise, and what do they cost? Three tables in
+// Markdown.
 //
 // 1. Keypoints kept at `--significance` under 50 % noise: the share that has a clean keypoint
 // within
@@ -6,15 +7,23 @@
 // 2. Surfaces without features (planes, a sphere): seeded runs that report a keypoint, and the
 //    standard deviations predicted from the noisy surface over those measured, by level.
 //
+// 3. Time of the error bars (32 replicas, signal noise included) beside that of the stack of 35
+//    levels and their Laplacians, on one thread and on two: medians of turns taken by both.
+//
 // keypoint_significance [--surfaces DIR] [--seeds 5] [--runs 200] [--significance 0.05]
-//                       [--percent 50] [--vertices 4000] [--threads 2]
+//                       [--percent 50] [--vertices 4000] [--threads 2] [--cost 112500]
+//
+// 0 for --seeds, --runs or --cost leaves its table out.
 //
 // DIR as in keypoint_quality; a bumpy sphere is built in.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -41,6 +50,7 @@ struct Settings {
   double percent = 50.0;
   Index vertices = 4000;
   int threads = 2;
+  Index cost = 112'500;
 };
 
 constexpr double kReach = 2.0;  // mean edges
@@ -221,6 +231,66 @@ void print_empty(const Settings& settings) {
   }
 }
 
+// ---- cost ----------------------------------------------------------------------------------
+
+struct Elapsed {
+  double wall = 0.0;
+  double processor = 0.0;  // of all threads
+};
+
+template <class Work>
+Elapsed time_of(Work work) {
+  const auto start = std::chrono::steady_clock::now();
+  const std::clock_t ticks = std::clock();
+  work();
+  return {std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
+          static_cast<double>(std::clock() - ticks) / CLOCKS_PER_SEC};
+}
+
+Elapsed median(std::vector<Elapsed> all) {
+  const auto of = [&](double Elapsed::*field) {
+    const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
+    std::nth_element(all.begin(), middle, all.end(),
+                     [&](const Elapsed& a, const Elapsed& b) { return a.*field < b.*field; });
+    return (*middle).*field;
+  };
+  return {of(&Elapsed::wall), of(&Elapsed::processor)};
+}
+
+void print_cost(const Settings& settings) {
+  constexpr int kTurns = 5;
+  dupin::NoiseOptions noise;
+  noise.percent = 20.0;
+  noise.model = dupin::NoiseModel::isotropic;
+  const dupin::NoisyMesh noisy =
+      dupin::add_noise(dupin::make_torus(1.0, 0.4, settings.cost).mesh, noise);
+  const Stack stack = stack_of(noisy.mesh, {});
+  std::printf(
+      "\nTorus of %td vertices, seconds (processor seconds).\n\n| threads | stack | error bars | "
+      "ratio | ratio to the stack on one thread |\n|---|---|---|---|---|\n",
+      stack.graph.points.rows());
+  double single = 0.0;
+  for (const int threads : {1, 2}) {
+    dupin::set_thread_count(threads);
+    std::vector<Elapsed> plain;
+    std::vector<Elapsed> bars;
+    for (int turn = 0; turn < kTurns; ++turn) {
+      plain.push_back(time_of([&] { dupin::compute_scale_space(stack.op, stack.signal); }));
+      bars.push_back(time_of([&] {
+        noise_of(stack, noisy.sigma, dupin::NoiseModel::isotropic,
+                 static_cast<std::uint64_t>(turn));
+      }));
+    }
+    const Elapsed a = median(plain);
+    const Elapsed b = median(bars);
+    if (threads == 1) single = a.wall;
+    std::printf("| %d | %.3f (%.3f) | %.3f (%.3f) | %.1f (%.1f) | %.1f |\n", threads, a.wall,
+                a.processor, b.wall, b.processor, b.wall / a.wall, b.processor / a.processor,
+                b.wall / single);
+    std::fflush(stdout);
+  }
+}
+
 std::vector<Surface> all_surfaces(const Settings& settings) {
   std::vector<Surface> surfaces;
   if (!settings.surfaces.empty()) {
@@ -243,14 +313,16 @@ int main(int argc, char** argv) {
   Settings settings;
   CLI::App app("Error bars of keypoints against what really happens");
   app.add_option("--surfaces", settings.surfaces, "Directory of keypoint_quality's surfaces");
-  app.add_option("--seeds", settings.seeds)->check(CLI::Range(1, 1000));
-  app.add_option("--runs", settings.runs)->check(CLI::Range(1, 100'000));
+  app.add_option("--seeds", settings.seeds)->check(CLI::Range(0, 1000));
+  app.add_option("--runs", settings.runs)->check(CLI::Range(0, 100'000));
   app.add_option("--significance", settings.significance)->check(CLI::Range(0.0, 1.0));
   app.add_option("--percent", settings.percent)->check(CLI::Range(0.1, 200.0));
   app.add_option("--vertices", settings.vertices)->check(CLI::Range(Index{500}, Index{1'000'000}));
   app.add_option("--threads", settings.threads)->check(CLI::Range(1, 64));
+  app.add_option("--cost", settings.cost)->check(CLI::Range(Index{0}, Index{2'000'000}));
   CLI11_PARSE(app, argc, argv);
   dupin::set_thread_count(settings.threads);
-  print_kept(all_surfaces(settings), settings);
-  print_empty(settings);
+  if (settings.seeds > 0) print_kept(all_surfaces(settings), settings);
+  if (settings.runs > 0) print_empty(settings);
+  if (settings.cost > 0) print_cost(settings);
 }

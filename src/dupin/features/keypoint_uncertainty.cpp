@@ -246,17 +246,19 @@ bool is_significant(const Keypoint& point, const KeypointUncertainty& uncertaint
     throw InvalidArgument("significance is " + std::to_string(alpha) + ", legal range (0, 1]");
   }
   if (!(uncertainty.p_value <= alpha)) return false;
+  if (alpha >= 1.0) return true;
   constexpr double kReach = 2.0;  // mean edges
-  if (alpha < 1.0) {
-    if (!uncertainty.position_sd) return false;
-    const double distance = kReach * graph.mean_edge;
-    // sd^2 <= distance^2 / -log(alpha), without dividing by an sd of zero.
-    if (*uncertainty.position_sd * std::sqrt(-std::log(alpha)) > distance) return false;
-  }
+  // exp(-reach^2 / sd^2) = alpha
+  const double limit = kReach * graph.mean_edge / std::sqrt(-std::log(alpha));
+  if (!uncertainty.position_sd || !(*uncertainty.position_sd <= limit)) return false;
   if (options.rule != KeypointRule::persistent) return true;
-  constexpr int kMargin = 3;
+  constexpr double kMargin = 6.0;  // levels, at the limit
+  constexpr double kPerFactor = 2.0;
+  const double share = *uncertainty.position_sd / limit;
+  const double margin = share > 0.0 ? std::max(0.0, kMargin + kPerFactor * std::log(share)) : 0.0;
   const int searched = schedule.num_levels - 1 - finest_level(schedule, options);
-  return point.persistence >= std::min(options.min_persistence + kMargin, searched);
+  return point.persistence >=
+         std::min(options.min_persistence + margin, static_cast<double>(searched));
 }
 
 int advise_level(const LevelMatrix& field, const LevelMatrixF& sd, double share) {

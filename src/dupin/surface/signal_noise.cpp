@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -214,19 +215,20 @@ struct HeightDerivative {
       edge_gradient.row(v) = (directions / num_edges).cast<float>();
       umbrella.row(v) = (sum / (edge * ring.valence(v))).cast<float>();
     }
-    halve_noise(options.sigma / edge);
+    if (model == NoiseModel::isotropic) halve_noise(options.sigma / edge);
     if (graph.is_mesh()) prepare_normals(graph, options.normal_smoothing);
   }
 
   // Takes half of the noise's energy from the umbrella vectors. They turn with the normals to make
   // a product of two noises, Q(w, w), which leads at coarse levels. Its derivative at noisy points,
   // 2 Q(w, w'), has twice its variance; at points with half the noise it has the right one.
-  // Averaged over the ring: a vector alone tells nothing of its own noise.
+  // Averaged over the ring: a vector alone tells nothing of its own noise. Noise along the normal
+  // moves umbrella vectors across the plane in which normals turn: no such product.
   void halve_noise(double sigma) {
-    const double coordinates = model == NoiseModel::isotropic ? 3.0 : 1.0;
+    constexpr double kCoordinates = 3.0;
     Eigen::VectorXf factor(umbrella.rows());
     const auto noise = [&](Index v) {
-      return coordinates * sigma * sigma * (1.0 + 1.0 / std::max(1, ring.valence(v)));
+      return kCoordinates * sigma * sigma * (1.0 + 1.0 / std::max(1, ring.valence(v)));
     };
     for (Index v = 0; v < umbrella.rows(); ++v) {
       double square = static_cast<double>(umbrella.row(v).squaredNorm());
@@ -433,6 +435,44 @@ SignalNoise make_signal_noise(const SurfaceGraph& graph, Signal signal,
                         replica % kLanes, difference->options.sigma);
   };
   return noise;
+}
+
+double estimate_rounding(const Points& points) {
+  if (points.rows() == 0) return 0.0;
+  const double* x = points.data();
+  const Index count = points.size();
+  if (!std::all_of(x, x + count, [](double value) { return std::isfinite(value); }))
+    throw InvalidArgument("points: a coordinate is not finite");
+  const double largest = points.cwiseAbs().maxCoeff();
+  const double extent = (points.colwise().maxCoeff() - points.colwise().minCoeff()).maxCoeff();
+  const auto is_single = [&](double value) {
+    return std::abs(value) <= static_cast<double>(std::numeric_limits<float>::max()) &&
+           static_cast<double>(static_cast<float>(value)) == value;
+  };
+  const int digits = std::all_of(x, x + count, is_single) ? std::numeric_limits<float>::digits
+                                                          : std::numeric_limits<double>::digits;
+  double sum = 0.0;
+  for (Index i = 0; i < count; ++i) {
+    if (x[i] == 0.0) continue;
+    const double step = std::ldexp(1.0, std::ilogb(x[i]) + 1 - digits);
+    sum += step * step;
+  }
+  double square = sum / static_cast<double>(count);
+  // Fewest decimals first: the coarsest grid that fits is the one.
+  for (int decimals = -12; decimals <= 15; ++decimals) {
+    const double step = std::pow(10.0, -decimals);
+    if (!(step <= 1e-3 * extent)) continue;
+    // A decimal that has been rounded to single or double precision is off by that much.
+    const double off = std::ldexp(largest, 1 - digits);
+    if (off > 0.05 * step) break;
+    const auto is_on_grid = [&](double value) {
+      return std::abs(value - step * std::nearbyint(value / step)) <= off;
+    };
+    if (!std::all_of(x, x + count, is_on_grid)) continue;
+    square = std::max(square, step * step);
+    break;
+  }
+  return std::sqrt(square / 12.0);
 }
 
 }  // namespace dupin

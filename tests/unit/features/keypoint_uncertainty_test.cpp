@@ -34,10 +34,11 @@ Stack stack_of(const Mesh& mesh, const KeypointOptions& options = {}) {
 }
 
 StackNoise noise_of(const Stack& s, double sigma, NoiseModel model = NoiseModel::isotropic,
-                    bool want_levels = false) {
+                    bool want_levels = false, std::uint64_t seed = 0) {
   SignalNoiseOptions position;
   position.sigma = sigma;
   position.model = model;
+  position.seed = seed;
   StackNoiseOptions options = keypoint_noise_options(s.graph, {}, {});
   options.want_levels = want_levels;
   return estimate_stack_noise(s.op, make_signal_noise(s.graph, Signal::height, position), options);
@@ -51,9 +52,10 @@ NoisyMesh disturb(const Mesh& mesh, double percent, std::uint64_t seed) {
   return add_noise(mesh, options);
 }
 
-// 95 % intervals from the error bars of the noisy surface itself, 2280 draws with noise of 0.2 %:
-// those of LoC, which keypoints rest on, hold the truth in 93 to 97 %. Those of F and of the radius
-// are too narrow (measured .87 and .86): bounds that notice if they get worse, not what is wanted.
+// 95 % intervals from the error bars of the noisy surface itself, 2280 draws with noise of 0.2 %,
+// of F, of LoC and of radii: they hold the truth in 93 to 97 % (a sampling error of .005 included).
+// F needs its bias for that, radii need to know at which vertices their responses stand and which
+// neighbour might have won. Of two keypoints near each other the nearer one is the counterpart.
 TEST(KeypointUncertainty, IntervalsHoldTheTruthAsOftenAsTheySay) {
   const BumpySphere bumpy = make_bumpy_sphere(1.0, 1000, {12, 0.1, 0.25, 0});
   KeypointOptions options;
@@ -73,7 +75,8 @@ TEST(KeypointUncertainty, IntervalsHoldTheTruthAsOftenAsTheySay) {
   for (int run = 0; run < kRuns; ++run) {
     const NoisyMesh noisy = disturb(bumpy.surface.mesh, 0.2, 500 + static_cast<std::uint64_t>(run));
     const Stack s = stack_of(noisy.mesh, options);
-    const StackNoise noise = noise_of(s, noisy.sigma, NoiseModel::isotropic, true);
+    const StackNoise noise =
+        noise_of(s, noisy.sigma, NoiseModel::isotropic, true, static_cast<std::uint64_t>(run));
     // One vertex and level of its own for every draw and bump.
     for (Index b = 0; b < 12; ++b) {
       const Index v = (1009 * b + 389 * run) % s.op.num_vertices;
@@ -87,25 +90,29 @@ TEST(KeypointUncertainty, IntervalsHoldTheTruthAsOftenAsTheySay) {
     const auto sure =
         estimate_keypoint_uncertainty(s.graph, s.space.loc, {}, noise, s.keypoints, options);
     for (const Keypoint& truth : peaks) {
+      double nearest = 2.0 * clean.graph.mean_edge;
+      std::size_t found = s.keypoints.size();
       for (std::size_t i = 0; i < s.keypoints.size(); ++i) {
         const Keypoint& p = s.keypoints[i];
+        const double distance =
+            (clean.graph.points.row(p.vertex) - clean.graph.points.row(truth.vertex)).norm();
         if (!sure[i].radius_sd || p.kind != truth.kind || std::abs(p.level - truth.level) > 2 ||
-            (clean.graph.points.row(p.vertex) - clean.graph.points.row(truth.vertex)).norm() >
-                2.0 * clean.graph.mean_edge) {
+            !(distance < nearest)) {
           continue;
         }
-        radius_hits += std::abs(p.radius - truth.radius) < 1.96 * *sure[i].radius_sd;
-        radius_count += 1.0;
-        break;
+        nearest = distance;
+        found = i;
       }
+      if (found == s.keypoints.size()) continue;
+      radius_hits +=
+          std::abs(s.keypoints[found].radius - truth.radius) < 1.96 * *sure[found].radius_sd;
+      radius_count += 1.0;
     }
   }
-  EXPECT_GE(level_hits / count, 0.85);
-  EXPECT_LE(level_hits / count, 0.97);
+  EXPECT_NEAR(level_hits / count, 0.95, 0.02);
   EXPECT_NEAR(loc_hits / count, 0.95, 0.02);
   EXPECT_GE(radius_count, 2000.0);
-  EXPECT_GE(radius_hits / radius_count, 0.83);
-  EXPECT_LE(radius_hits / radius_count, 0.97);
+  EXPECT_NEAR(radius_hits / radius_count, 0.95, 0.025);
 }
 
 // On surfaces without features noise of 50 % passes for a keypoint in at most 5 % of the
@@ -149,8 +156,9 @@ TEST(KeypointUncertainty, SignificantKeypointsAreRealAndMany) {
     options.seed = seed;
     const NoisyMesh noisy = add_noise(mesh, options);
     const Stack s = stack_of(noisy.mesh);
-    const auto sure = estimate_keypoint_uncertainty(s.graph, s.space.loc, {},
-                                                    noise_of(s, noisy.sigma), s.keypoints, {});
+    const auto sure = estimate_keypoint_uncertainty(
+        s.graph, s.space.loc, {}, noise_of(s, noisy.sigma, options.model, false, seed), s.keypoints,
+        {});
     const auto is_near = [&](const Keypoint& a, const Keypoint& b) {
       return (clean.graph.points.row(a.vertex) - clean.graph.points.row(b.vertex)).norm() <=
              2.0 * clean.graph.mean_edge;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "dupin/base/error.h"
 #include "dupin/mesh/shapes.h"
@@ -71,6 +72,27 @@ TEST(SignalNoise, TheTurningOfTheNormalsCountsOnIrregularSurfaces) {
   EXPECT_LT(share(0.3), 0.10);
 }
 
+// The bias of the height signal is -2 h times the expected growth of the mean edge. What the edges
+// do in sixteen replicas and their opposites, so that first orders cancel: 16 x 3 x 900 edges, each
+// as much as its mean, leave 1 %; neighbouring edges share ends, hence 4 %.
+TEST(SignalNoise, KnowsThatNoiseLengthensTheMeanEdge) {
+  for (const NoiseModel model : {NoiseModel::isotropic, NoiseModel::along_normal}) {
+    const SurfaceGraph graph = bumpy(0.3);
+    const SignalNoise noise =
+        make_signal_noise(graph, Signal::height, {.sigma = 0.01 * graph.mean_edge, .model = model});
+    double growth = 0.0;
+    for (Index r = 0; r < 16; ++r) {
+      for (const double sign : {-1.0, 1.0}) {
+        const Mesh moved{graph.points + sign * noise.displacement(r), graph.triangles};
+        growth += (surface_graph(moved).mean_edge / graph.mean_edge - 1.0) / 32.0;
+      }
+    }
+    const VectorXd height = compute_signal(graph, Signal::height);
+    const VectorXd expected = -2.0 * growth * height;
+    EXPECT_LT((noise.bias - expected).norm(), 0.04 * expected.norm());
+  }
+}
+
 // Taubin's signals by central difference.
 TEST(SignalNoise, IsTheDerivativeOfOtherSignals) {
   const SurfaceGraph graph = bumpy(0.3);
@@ -101,6 +123,41 @@ TEST(SignalNoise, DeviatesAreNormalAndIndependent) {
   EXPECT_NEAR(square / count, 1.0, 0.02);
   EXPECT_NEAR(fourth / count, 3.0, 0.15);
   EXPECT_NEAR(cross / count, 0.0, 0.02);
+}
+
+// What rounding really did: 2700 coordinates know a standard deviation to 1.4 %; errors are uniform
+// but for the binade of the smallest coordinates.
+TEST(EstimateRounding, IsWhatRoundingDid) {
+  const Points exact = bumpy(0.3).points.array() * 3.7 + 0.1;
+  const auto deviation = [&](const Points& rounded) {
+    return std::sqrt((rounded - exact).array().square().mean());
+  };
+  const Points single = exact.cast<float>().cast<double>();
+  EXPECT_NEAR(estimate_rounding(single), deviation(single), 0.1 * deviation(single));
+  for (const double step : {1e-3, 1e-6}) {
+    const Points decimal = exact.unaryExpr([=](double x) { return step * std::round(x / step); });
+    EXPECT_NEAR(estimate_rounding(decimal), deviation(decimal), 0.1 * deviation(decimal));
+    EXPECT_NEAR(estimate_rounding(1e3 * decimal), 1e3 * deviation(decimal),
+                100.0 * deviation(decimal));
+  }
+  const Points both = (exact * 1e4)
+                          .unaryExpr([](double x) { return std::round(x) / 1e4; })
+                          .cast<float>()
+                          .cast<double>();
+  EXPECT_NEAR(estimate_rounding(both), deviation(both), 0.1 * deviation(both));
+  EXPECT_LT(estimate_rounding(exact), 1e-15);
+  EXPECT_GT(estimate_rounding(exact), 1e-17);
+}
+
+// A lattice of few steps is a shape, not a rounding; nothing is rounded where nothing is.
+TEST(EstimateRounding, DoesNotTakeAShapeForRounding) {
+  Points cube(2, 3);
+  cube << 0, 0, 0, 1, 1, 1;
+  EXPECT_LT(estimate_rounding(cube), 1e-7);
+  EXPECT_EQ(estimate_rounding(Points::Zero(5, 3)), 0.0);
+  EXPECT_EQ(estimate_rounding(Points(0, 3)), 0.0);
+  cube(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(estimate_rounding(cube), InvalidArgument);
 }
 
 TEST(SignalNoise, RefusesWhatItCannotDo) {
