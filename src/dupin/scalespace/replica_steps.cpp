@@ -9,11 +9,8 @@
 #include <utility>
 
 #include "dupin/base/guarded.h"
+#include "dupin/base/instruction_set.h"
 #include "dupin/math/chebyshev.h"
-
-#if defined(__x86_64__) && defined(__GNUC__)
-#define DUPIN_X86 1
-#endif
 
 namespace dupin::detail {
 namespace {
@@ -282,8 +279,6 @@ class Planner {
 
 // ---- kernels -------------------------------------------------------------------------------
 
-#define DUPIN_INLINE inline __attribute__((always_inline))
-
 typedef float Vector __attribute__((vector_size(64), aligned(64), may_alias));
 typedef std::int32_t Mask __attribute__((vector_size(64), aligned(64), may_alias));
 static_assert(sizeof(Vector) == sizeof(float) * static_cast<size_t>(kReplicaLanes));
@@ -395,24 +390,13 @@ DUPIN_INLINE void peaks_body(const StepView& op, const Vector* rows, const float
 
 DUPIN_VARIANT(base, )
 #ifdef DUPIN_X86
-DUPIN_VARIANT(avx2, __attribute__((target("avx2"))))
-DUPIN_VARIANT(avx512, __attribute__((target("avx512f,avx512vl,avx512dq,avx512bw"))))
+DUPIN_VARIANT(avx2, DUPIN_AVX2)
+DUPIN_VARIANT(avx512, DUPIN_AVX512)
 
-int instruction_set() {
-  static const int level = [] {
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw")) {
-      return 2;
-    }
-    return __builtin_cpu_supports("avx2") ? 1 : 0;
-  }();
-  return level;
-}
-#define DUPIN_CALL(name, ...)                            \
-  (instruction_set() == 2   ? name##_avx512(__VA_ARGS__) \
-   : instruction_set() == 1 ? name##_avx2(__VA_ARGS__)   \
-                            : name##_base(__VA_ARGS__))
+#define DUPIN_CALL(name, ...)                                               \
+  (instruction_set() == InstructionSet::avx512 ? name##_avx512(__VA_ARGS__) \
+   : instruction_set() == InstructionSet::avx2 ? name##_avx2(__VA_ARGS__)   \
+                                               : name##_base(__VA_ARGS__))
 #else
 #define DUPIN_CALL(name, ...) name##_base(__VA_ARGS__)
 #endif
