@@ -45,9 +45,10 @@ struct Legend {
   std::string caption;
   std::string scale_label;  ///< over the colour bar
   bool has_color_bar = false;
-  std::string no_value_label;  ///< under the colour bar, beside kNoValueColor; empty: not there
   bool has_scale_bar = false;  ///< exact in the plane through the centre of the scene
   std::string unit = "";       ///< after the number of the scale bar
+  /// Under the colour bar, beside kNoValueColor; empty: not there.
+  std::string no_value_label = "";
 };
 
 /// Everything in a picture.
