@@ -220,7 +220,9 @@ void print_empty(const Settings& settings) {
         reports += p <= settings.significance ? 1 : 0;
         half += p <= 0.5 ? 1 : 0;
         predicted += noise.loc_sd.cast<double>().rowwise().squaredNorm();
-        measured += (stack.loc - clean.loc).rowwise().squaredNorm();
+        // Noise lengthens the mean edge, which is no deviation but another unit.
+        const double unit = std::pow(clean.graph.mean_edge / stack.graph.mean_edge, 2);
+        measured += (stack.loc - unit * clean.loc).rowwise().squaredNorm();
       }
       const auto ratio = [&](Index level) { return std::sqrt(predicted[level] / measured[level]); };
       std::printf("| %s | %s | %.1f | %d | %d | %.2f, %.2f, %.2f, %.2f |\n", surface.name.c_str(),

@@ -461,7 +461,6 @@ double estimate_rounding(const Points& points) {
   // Fewest decimals first: the coarsest grid that fits is the one.
   for (int decimals = -12; decimals <= 15; ++decimals) {
     const double step = std::pow(10.0, -decimals);
-    if (!(step <= 1e-3 * extent)) continue;
     // A decimal that has been rounded to single or double precision is off by that much.
     const double off = std::ldexp(largest, 1 - digits);
     if (off > 0.05 * step) break;
@@ -469,7 +468,7 @@ double estimate_rounding(const Points& points) {
       return std::abs(value - step * std::nearbyint(value / step)) <= off;
     };
     if (!std::all_of(x, x + count, is_on_grid)) continue;
-    square = std::max(square, step * step);
+    if (step <= 1e-3 * extent) square = std::max(square, step * step);
     break;
   }
   return std::sqrt(square / 12.0);

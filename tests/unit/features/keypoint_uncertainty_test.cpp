@@ -203,7 +203,8 @@ TEST(KeypointUncertainty, TheLawOfTheMaximumIsADistribution) {
   EXPECT_EQ(fit_maximum_law(VectorXd()).p_value(0.0), 0.0);
 }
 
-// Half the noise: twice the snr, half the errors.
+// Half the noise: twice the snr, half the errors, but for the share of the umbrella vectors that is
+// taken for noise: of second order, below .1 % at a tenth of an edge.
 TEST(KeypointUncertainty, ScalesWithTheNoise) {
   const Stack s = stack_of(make_bumpy_sphere(1.0, 2500).surface.mesh);
   const double edge = s.graph.mean_edge;
@@ -215,11 +216,11 @@ TEST(KeypointUncertainty, ScalesWithTheNoise) {
   const auto half = of(0.05 * edge);
   ASSERT_FALSE(once.empty());
   for (std::size_t i = 0; i < once.size(); ++i) {
-    EXPECT_NEAR(half[i].snr, 2.0 * once[i].snr, 1e-4 * half[i].snr);
+    EXPECT_NEAR(half[i].snr, 2.0 * once[i].snr, 1e-3 * half[i].snr);
     EXPECT_LE(half[i].p_value, once[i].p_value);
     ASSERT_EQ(half[i].position_sd.has_value(), once[i].position_sd.has_value());
     if (once[i].position_sd) {
-      EXPECT_NEAR(2.0 * *half[i].position_sd, *once[i].position_sd, 1e-3 * *once[i].position_sd);
+      EXPECT_NEAR(2.0 * *half[i].position_sd, *once[i].position_sd, 3e-3 * *once[i].position_sd);
     }
   }
 }
