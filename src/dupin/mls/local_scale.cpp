@@ -116,7 +116,8 @@ PatchValidation draw(const Points& points, Index vertex, const RowVector3d& norm
     for (Index i = first; i < last && !run.cancelled(); ++i) {
       outcomes[static_cast<std::size_t>(i)] = draws.experiment(
           seed_of(options.seed, static_cast<std::uint64_t>(vertex),
-                  static_cast<std::uint64_t>(index.size()), static_cast<std::uint64_t>(i)));
+                  static_cast<std::uint64_t>(index.size()), static_cast<std::uint64_t>(i)),
+          run);
     }
   });
   result.T_beta.resize(count);

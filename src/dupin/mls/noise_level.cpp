@@ -1,10 +1,12 @@
 #include "dupin/mls/noise_level.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numeric>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dupin/base/error.h"
@@ -63,6 +65,27 @@ void sort_along_curve(const Points& points, std::vector<std::int32_t>& index) {
   }
   std::sort(order.begin(), order.end());
   for (std::size_t i = 0; i < order.size(); ++i) index[i] = order[i].second;
+}
+
+// Rows without those that repeat an earlier one; in their order.
+Points distinct(const Points& points) {
+  std::vector<std::int32_t> order(static_cast<std::size_t>(points.rows()));
+  std::iota(order.begin(), order.end(), 0);
+  const auto key = [&](std::int32_t v) {
+    return std::array<double, 3>{points(v, 0), points(v, 1), points(v, 2)};
+  };
+  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
+    return std::pair(key(a), a) < std::pair(key(b), b);
+  });
+  const auto last = std::unique(order.begin(), order.end(),
+                                [&](std::int32_t a, std::int32_t b) { return key(a) == key(b); });
+  if (last == order.end()) return points;
+  order.erase(last, order.end());
+  std::sort(order.begin(), order.end());
+  Points kept(static_cast<Index>(order.size()), 3);
+  for (std::size_t i = 0; i < order.size(); ++i)
+    kept.row(static_cast<Index>(i)) = points.row(order[i]);
+  return kept;
 }
 
 // Spacing of points that lie on a surface: a disk of the radius of the sixteenth neighbour
@@ -135,9 +158,10 @@ Eigen::VectorXd residual_variances(const NeighborSearch& search, const Points& p
   return variance;
 }
 
-// Mean of the estimated variances and its standard error from groups of neighbours along the curve,
-// which are nearly independent whatever overlaps.
-NoiseLevel pool(const Eigen::VectorXd& variance) {
+// Mean of the estimated variances and its standard error from groups of neighbours along the curve.
+// On few points the groups overlap as well: then the degrees of freedom that so many points leave
+// after cubics over k of them bound the error from below.
+NoiseLevel pool(const Eigen::VectorXd& variance, Index num_points, int k) {
   constexpr Index kMostGroups = 40;
   NoiseLevel result;
   std::vector<double> kept;
@@ -149,6 +173,9 @@ NoiseLevel pool(const Eigen::VectorXd& variance) {
   const double mean =
       std::accumulate(kept.begin(), kept.end(), 0.0) / static_cast<double>(kept.size());
   result.sigma = std::sqrt(mean);
+  const auto used = static_cast<double>(std::min(num_points, result.num_samples * k));
+  const double dof = used * (1.0 - static_cast<double>(kOrder) / k);
+  result.sigma_standard_error = result.sigma / std::sqrt(2.0 * dof);
   const Index groups = std::min(kMostGroups, result.num_samples);
   if (groups < 2 || mean == 0.0) return result;
   double sum = 0.0;
@@ -161,13 +188,14 @@ NoiseLevel pool(const Eigen::VectorXd& variance) {
     sum += deviation * deviation;
   }
   const auto number = static_cast<double>(groups);
-  result.sigma_standard_error = 0.5 * std::sqrt(sum / (number - 1.0) / number) / result.sigma;
+  result.sigma_standard_error = std::max(
+      result.sigma_standard_error, 0.5 * std::sqrt(sum / (number - 1.0) / number) / result.sigma);
   return result;
 }
 
 }  // namespace
 
-NoiseLevel estimate_noise(const Points& points, const NoiseLevelOptions& options, RunControl run) {
+NoiseLevel estimate_noise(const Points& given, const NoiseLevelOptions& options, RunControl run) {
   if (options.neighbors <= kOrder) {
     throw InvalidArgument("neighbors is " + std::to_string(options.neighbors) +
                           ", legal range > 10: a cubic has 10 coefficients");
@@ -176,11 +204,15 @@ NoiseLevel estimate_noise(const Points& points, const NoiseLevelOptions& options
     throw InvalidArgument("num_samples is " + std::to_string(options.num_samples) +
                           ", legal range >= 0");
   }
-  const NeighborSearch search(points);
+  for (Index i = 0; i < given.size(); ++i) {
+    if (!std::isfinite(given.data()[i])) throw InvalidArgument("points: not finite");
+  }
+  const Points points = distinct(given);
   if (points.rows() <= kOrder) {
     throw AnalysisError("E_TOO_FEW_POINTS", std::to_string(points.rows()) +
                                                 " points, an estimate of the noise needs 11");
   }
+  const NeighborSearch search(points);
   std::vector<std::int32_t> sample = choose(points.rows(), options.num_samples, options.seed);
   sort_along_curve(points, sample);
   const auto count = static_cast<Index>(sample.size());
@@ -195,9 +227,10 @@ NoiseLevel estimate_noise(const Points& points, const NoiseLevelOptions& options
   int reach = k;
   NoiseLevel result;
   for (int round = 0; round < kRounds; ++round) {
-    result = pool(residual_variances(
-        search, points, queries, k, reach,
-        run.stage(static_cast<double>(round) / kRounds, static_cast<double>(round + 1) / kRounds)));
+    result = pool(residual_variances(search, points, queries, k, reach,
+                                     run.stage(static_cast<double>(round) / kRounds,
+                                               static_cast<double>(round + 1) / kRounds)),
+                  points.rows(), k);
     if (run.cancelled()) {
       result = {};
       result.status = Status::cancelled;
@@ -213,6 +246,7 @@ NoiseLevel estimate_noise(const Points& points, const NoiseLevelOptions& options
     throw AnalysisError("E_DEGENERATE",
                         "no neighbourhood of " + std::to_string(k) + " points determines a cubic");
   }
+  result.num_repeated = given.rows() - points.rows();
   return result;
 }
 

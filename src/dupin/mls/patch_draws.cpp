@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <string>
 
@@ -76,10 +77,13 @@ PatchVector turned(const PatchVector& b, double c, double s) {
 PatchDraws::Prediction PatchDraws::predict(const VectorXd& mean, const MatrixXd& covariance,
                                            const std::vector<Index>& variables, bool standardise) {
   Prediction p;
-  p.variables = variables;
-  const auto count = static_cast<Index>(variables.size());
-  p.mean = mean(variables);
-  p.covariance = covariance(variables, variables);
+  // What noise does not move (along this direction) or moves beyond all numbers cannot be tested.
+  std::copy_if(variables.begin(), variables.end(), std::back_inserter(p.variables), [&](Index i) {
+    return std::isfinite(mean[i]) && std::isfinite(covariance(i, i)) && covariance(i, i) > 0.0;
+  });
+  const auto count = static_cast<Index>(p.variables.size());
+  p.mean = mean(p.variables);
+  p.covariance = covariance(p.variables, p.variables);
   p.unit = VectorXd::Ones(count);
   if (!standardise) return p;
   p.unit = p.covariance.diagonal().cwiseSqrt();
@@ -128,7 +132,7 @@ PatchDraws::PatchDraws(const Points& points, const RowVector3d& r, const RowVect
               has_gauss ? std::vector<Index>{0, 1} : std::vector<Index>{1}, options_.standardise);
 }
 
-PatchDraws::Outcome PatchDraws::experiment(std::uint64_t seed) const {
+PatchDraws::Outcome PatchDraws::experiment(std::uint64_t seed, const RunControl& run) const {
   Rng rng(seed);
   PatchFitter fitter(options_.patch);
   const Index count = neighbors_.rows();
@@ -140,6 +144,7 @@ PatchDraws::Outcome PatchDraws::experiment(std::uint64_t seed) const {
   MatrixXd beta(draws, beta_.mean.size());
   MatrixXd kappa(draws, kappa_.mean.size());
   for (Index m = 0; m < draws; ++m) {
+    if (run.cancelled()) return {};
     for (Index i = 0; i < count; ++i) {
       if (options_.noise == PatchNoise::directional) {
         noisy.row(i) = neighbors_.row(i) + options_.sigma * rng.normal() * direction_;

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "dupin/base/run_control.h"
 #include "dupin/mls/local_scale.h"
 
 namespace dupin::detail {
@@ -26,8 +27,8 @@ class PatchDraws {
     Eigen::Index rank_kappa = 0;
   };
 
-  /// One experiment of M draws. Safe to call from many threads.
-  Outcome experiment(std::uint64_t seed) const;
+  /// One experiment of M draws; cancelled: nothing. Safe to call from many threads.
+  Outcome experiment(std::uint64_t seed, const RunControl& run = {}) const;
 
   /// Whether there is a curvature to test.
   bool can_test() const { return reference_.order >= 6; }

@@ -330,8 +330,9 @@ void PatchFitter::measure(const PatchMoments& moments, const Ordered& solution,
   for (std::size_t i = 0; i < order; ++i) {
     for (std::size_t j = 0; j < order; ++j) {
       const double units = inverse_power_[degree_of(i)] * inverse_power_[degree_of(j)];
+      // Symmetric but for rounding, which grows with the condition.
       patch.unit_covariance(kThesisPlace[i], kThesisPlace[j]) =
-          middle[i][j] * scale[i] * scale[j] * units;
+          0.5 * (middle[i][j] + middle[j][i]) * scale[i] * scale[j] * units;
     }
   }
 }
