@@ -73,6 +73,10 @@ nlohmann::ordered_json to_json(const WarningList& warnings) {
   return list;
 }
 
+nlohmann::ordered_json number_or_null(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+
 nlohmann::ordered_json to_json(const Error& error) {
   nlohmann::ordered_json fields{{"exit", static_cast<int>(error.errc())},
                                 {"code", error.code()},

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,7 @@ struct Context {
 };
 
 nlohmann::ordered_json to_json(const WarningList& warnings);
+nlohmann::ordered_json number_or_null(const std::optional<double>& value);
 /// The fields of an error: exit, code, message, file, line or byte where they are known, hint.
 nlohmann::ordered_json to_json(const Error& error);
 /// The text of `document`, and a line end. Bytes that are no UTF-8, as file names may hold, become

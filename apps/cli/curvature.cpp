@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <numbers>
 
 #include "context.h"
 #include "curvature_verb.h"
@@ -25,7 +27,43 @@ struct Estimate {
   bool has_deviations() const { return patches.sigma.size() > 0; }
 };
 
+// Deviations where they are known, -1 elsewhere: without degrees of freedom, and of a normal that
+// may point anywhere.
+Eigen::VectorXd known_sd(const MlsCurvature& patches, const Eigen::VectorXd& sd, double most) {
+  return (patches.dof.array() > 0.0 && sd.array() <= most).select(sd, -1.0);
+}
+
+struct Deviations {
+  Eigen::VectorXd mean;
+  Eigen::VectorXd gauss;
+  Eigen::VectorXd normal_degrees;
+  Eigen::VectorXd sigma;
+};
+
+Deviations deviations_of(const Estimate& estimate, double unit) {
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  const MlsCurvature& patches = estimate.patches;
+  const auto scaled = [](Eigen::VectorXd sd, double factor) {
+    return Eigen::VectorXd((sd.array() < 0.0).select(sd, factor * sd));
+  };
+  return {scaled(known_sd(patches, patches.mean_sd, kAny), 1.0 / unit),
+          scaled(known_sd(patches, patches.gauss_sd, kAny), 1.0 / unit / unit),
+          scaled(known_sd(patches, patches.normal_sd_rad, 0.5 * std::numbers::pi), kDegrees),
+          scaled(known_sd(patches, patches.sigma, kAny), unit)};
+}
+
+Eigen::VectorXd known(const Eigen::VectorXd& values) {
+  Eigen::VectorXd kept(values.size());
+  Eigen::Index count = 0;
+  for (const double value : values) {
+    if (value >= 0.0) kept[count++] = value;
+  }
+  kept.conservativeResize(count);
+  return kept;
+}
+
 nlohmann::ordered_json summary(const Eigen::VectorXd& values) {
+  if (values.size() == 0) return {{"min", nullptr}, {"max", nullptr}, {"mean", nullptr}};
   return {{"min", values.minCoeff()}, {"max", values.maxCoeff()}, {"mean", values.mean()}};
 }
 
@@ -73,10 +111,11 @@ void write_curvature(const LoadedSurface& surface, const Estimate& estimate, dou
     flag[v] = field.is_estimated[static_cast<std::size_t>(v)];
   out.properties.push_back({"estimated", surface.to_input(flag), true});
   if (estimate.has_deviations()) {
-    add("H_sd", estimate.patches.mean_sd, h);
-    add("K_sd", estimate.patches.gauss_sd, k);
-    add("normal_sd_degrees", estimate.patches.normal_sd_rad, kDegrees);
-    add("sigma", estimate.patches.sigma, surface.unit);
+    const Deviations sd = deviations_of(estimate, surface.unit);
+    add("H_sd", sd.mean, 1.0);
+    add("K_sd", sd.gauss, 1.0);
+    add("normal_sd_degrees", sd.normal_degrees, 1.0);
+    add("sigma", sd.sigma, 1.0);
     out.properties.push_back(
         {"order", surface.to_input(estimate.patches.order.cast<double>()), true});
   }
@@ -106,7 +145,8 @@ Estimate estimate_curvature(const LoadedSurface& surface, const CurvatureRequest
   return estimate;
 }
 
-// Points by the coefficients that their neighbourhood determined.
+}  // namespace
+
 nlohmann::ordered_json count_orders(const Eigen::VectorXi& order) {
   nlohmann::ordered_json counts;
   for (const int coefficients : {10, 6, 3, 0}) {
@@ -114,8 +154,6 @@ nlohmann::ordered_json count_orders(const Eigen::VectorXi& order) {
   }
   return counts;
 }
-
-}  // namespace
 
 void run_curvature(Context& context, const CurvatureRequest& request) {
   if (!request.output.empty()) output_format(context, request.output, "", {"ply"});
@@ -143,10 +181,13 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
                                      {"method", request.method}};
   if (estimate.has_deviations()) {
     const MlsCurvature& patches = estimate.patches;
-    document["mean"]["H_sd"] = summary(estimated(vertices, patches.mean_sd, h));
-    document["mean"]["K_sd"] = summary(estimated(vertices, patches.gauss_sd, k));
+    const Deviations sd = deviations_of(estimate, surface.unit);
+    const Eigen::VectorXd of_mean = known(estimated(vertices, sd.mean, 1.0));
+    document["mean"]["H_sd"] = summary(of_mean);
+    document["mean"]["K_sd"] = summary(known(estimated(vertices, sd.gauss, 1.0)));
     document["mean"]["normal_sd_degrees"] =
-        summary(estimated(vertices, patches.normal_sd_rad, kDegrees));
+        summary(known(estimated(vertices, sd.normal_degrees, 1.0)));
+    document["unknown_deviations"] = H.size() - of_mean.size();
     document["orders"] = count_orders(patches.order);
   }
   document["warnings"] = to_json(surface.warnings);
@@ -156,9 +197,12 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
   context.say(
       fmt::format("K  min {:.6g}  mean {:.6g}  max {:.6g}", K.minCoeff(), K.mean(), K.maxCoeff()));
   if (estimate.has_deviations()) {
-    const Eigen::VectorXd sd = estimated(vertices, estimate.patches.mean_sd, h);
-    context.say(fmt::format("standard deviation of H  min {:.3g}  mean {:.3g}  max {:.3g}",
-                            sd.minCoeff(), sd.mean(), sd.maxCoeff()));
+    const Eigen::VectorXd sd =
+        known(estimated(vertices, deviations_of(estimate, surface.unit).mean, 1.0));
+    context.say(sd.size() == 0
+                    ? "standard deviation of H  not known: as many coefficients as points"
+                    : fmt::format("standard deviation of H  min {:.3g}  mean {:.3g}  max {:.3g}",
+                                  sd.minCoeff(), sd.mean(), sd.maxCoeff()));
   }
   if (!request.output.empty()) context.say(fmt::format("written: {}", request.output));
 }
@@ -184,6 +228,20 @@ void add_patch_options(CLI::App& verb, MlsOptions& options) {
       ->capture_default_str();
 }
 
+namespace {
+
+void refuse_ignored_options(const CLI::App& verb, const CurvatureRequest& request) {
+  if (request.method == "mls") return;
+  for (const char* option : {"--neighbors", "--radius", "--patch-weights", "--weight-width"}) {
+    const bool is_of_jet = request.method == "jet" && option[2] != 'p' && option[2] != 'w';
+    if (is_of_jet || verb.count(option) == 0) continue;
+    throw InvalidArgument(fmt::format("{} means nothing to --method {}", option, request.method),
+                          "--method mls");
+  }
+}
+
+}  // namespace
+
 void add_curvature(CLI::App& app, Context& context) {
   CLI::App* verb =
       app.add_subcommand("curvature", "Principal curvatures and directions at every vertex");
@@ -201,7 +259,10 @@ void add_curvature(CLI::App& app, Context& context) {
       ->check(CLI::IsMember({"taubin", "mls", "jet"}))
       ->capture_default_str();
   add_patch_options(*verb, request->patch);
-  verb->callback([request, &context] { run_curvature(context, *request); });
+  verb->callback([request, verb, &context] {
+    refuse_ignored_options(*verb, *request);
+    run_curvature(context, *request);
+  });
 }
 
 }  // namespace dupin::cli

@@ -15,8 +15,11 @@ struct CurvatureRequest {
   MlsOptions patch;               ///< mls, jet
 };
 
-/// --neighbors, --radius, --weights, --width of everything that fits patches.
+/// --neighbors, --radius, --patch-weights, --weight-width of everything that fits patches.
 void add_patch_options(CLI::App& verb, MlsOptions& options);
+
+/// Points by the coefficients that their neighbourhood determined.
+nlohmann::ordered_json count_orders(const Eigen::VectorXi& order);
 
 /// Estimates, writes and prints.
 void run_curvature(Context& context, const CurvatureRequest& request);

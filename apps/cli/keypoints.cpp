@@ -92,6 +92,11 @@ void check(const CLI::App& verb, const KeypointRequest& request) {
     throw InvalidArgument("keypoints need one value a vertex, the signal tensor has 6",
                           "--signal H");
   }
+  if (request.wants_noise() && !library_signal(request.stack.signal)) {
+    throw InvalidArgument(
+        "the noise of the signal \"" + escaped(request.stack.signal, 40) + "\" is not known",
+        "--signal height, H, K, k1 or k2");
+  }
 }
 
 KeypointOptions library_options(const KeypointRequest& request) {
@@ -115,11 +120,11 @@ void require_finite(const Found& found, const std::string& file) {
 }
 
 // Standard deviation of every coordinate, in local units.
-double noise_sigma(const KeypointRequest& request, const LoadedSurface& surface, Context& context) {
+double noise_sigma(const KeypointRequest& request, LoadedSurface& surface, Context& context) {
   if (request.noise.empty() || request.noise == "auto") {
     NoiseLevelOptions options;
     options.seed = context.seed;
-    return estimate_noise(surface.graph.points, options, context.run.stage(0.6, 0.65)).sigma;
+    return noise_level_of(surface, options, context, context.run.stage(0.6, 0.65)).sigma;
   }
   double sigma = 0.0;
   const char* end = request.noise.data() + request.noise.size();
@@ -134,12 +139,7 @@ double noise_sigma(const KeypointRequest& request, const LoadedSurface& surface,
 // Error bars of all keypoints, then what --min-snr, --significance and --top leave of them.
 void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionOperator& op,
                   const ScaleSpace& stack, Context& context) {
-  const std::optional<Signal> signal = library_signal(request.stack.signal);
-  if (!signal) {
-    throw InvalidArgument(
-        "the noise of the signal \"" + escaped(request.stack.signal, 40) + "\" is not known",
-        "--signal height, H, K, k1 or k2");
-  }
+  const std::optional<Signal> signal = library_signal(request.stack.signal);  // see check()
   const SurfaceGraph& graph = found.surface.graph;
   const KeypointOptions options = library_options(request);
   const double sigma = noise_sigma(request, found.surface, context);
@@ -165,6 +165,7 @@ void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionO
     certain.snr = std::numeric_limits<double>::max();
     certain.p_value = 0.0;
     certain.position_sd = 0.0;
+    certain.radius_sd = 0.0;
     found.uncertainty.assign(points.size(), certain);
     found.advised_level = 0;
   }
@@ -233,10 +234,6 @@ std::vector<std::pair<const char*, std::optional<double>>> error_bars(const Foun
     if (u.radius_sd) radius = *u.radius_sd * found.surface.unit;
   }
   return {{"snr", snr}, {"p_value", p_value}, {"position_sd", position}, {"radius_sd", radius}};
-}
-
-Json number_or_null(const std::optional<double>& value) {
-  return value ? Json(*value) : Json(nullptr);
 }
 
 Json document_of(const Found& found) {

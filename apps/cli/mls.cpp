@@ -65,19 +65,25 @@ void run_smooth(Context& context, const SmoothRequest& request) {
       out.properties.push_back({names[c], surface.to_input(projection.normals.col(c)), false});
     }
   }
-  const Eigen::VectorXd moved =
-      surface.unit * (projection.points - surface.graph.points).rowwise().norm();
+  // Squares in local units: those of very large or small ones leave the range of a double.
+  const Eigen::VectorXd moved = (projection.points - surface.graph.points).rowwise().norm();
+  const double rms =
+      surface.unit * std::sqrt(moved.squaredNorm() / static_cast<double>(moved.size()));
+  const double most = surface.unit * moved.maxCoeff();
   const Eigen::Index left = (projection.order.array() == 0).count();
+  if (left == moved.size()) {
+    throw AnalysisError("E_ALL_DEGENERATE", "no neighbourhood determines a plane",
+                        "more points in a patch: --neighbors or --radius");
+  }
   write_surface(request.output, out, format);
-  const double rms = std::sqrt(moved.squaredNorm() / static_cast<double>(moved.size()));
   context.print_json({{"vertices", surface.num_input_vertices},
-                      {"moved", {{"rms", rms}, {"max", moved.maxCoeff()}}},
+                      {"moved", {{"rms", rms}, {"max", most}}},
+                      {"orders", count_orders(projection.order)},
                       {"left_alone", left},
                       {"converged", projection.status == Status::ok},
                       {"warnings", to_json(surface.warnings)}});
-  context.say(
-      fmt::format("moved by {:.6g} (root mean square), at most {:.6g}; {} points left alone", rms,
-                  moved.maxCoeff(), left));
+  context.say(fmt::format(
+      "moved by {:.6g} (root mean square), at most {:.6g}; {} points left alone", rms, most, left));
   context.say(fmt::format("written: {}", request.output));
 }
 
@@ -88,7 +94,7 @@ void run_noise(Context& context, const NoiseRequest& request) {
     surface = load_surface(request.cloud, context);
     NoiseLevelOptions options = request.level;
     options.seed = context.seed;
-    level = estimate_noise(surface.graph.points, options, context.run.stage(0.5, 1.0));
+    level = noise_level_of(surface, options, context, context.run.stage(0.5, 1.0));
   });
   const double sigma = surface.unit * level.sigma;
   const double error = surface.unit * level.sigma_standard_error;

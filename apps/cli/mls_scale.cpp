@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "context.h"
 #include "dupin/base/decimal.h"
@@ -39,6 +40,7 @@ struct ScaleRequest {
   int realisations = 100;
   int experiments = 20;
   double significance = 0.05;
+  bool has_experiments = false;  // given, not the default
 };
 
 struct Answer {
@@ -88,6 +90,10 @@ std::vector<std::int32_t> chosen_vertices(const LoadedSurface& surface, const Sc
 void prepare(Answer& answer, const ScaleRequest& request, const Context& context) {
   const LoadedSurface& surface = answer.surface;
   const bool is_thesis = request.preset == "thesis";
+  if (is_thesis && !(surface.unit > 1e-50 && surface.unit < 1e50)) {
+    throw Error(Errc::numerical, "E_RANGE", "the preset thesis works in the unit of the input",
+                {request.cloud, 0, -1}, "a unit in which the surface is about one across");
+  }
   // The absolute epsilon of the thesis is in the unit of the input.
   answer.points = is_thesis ? surface.points : surface.graph.points;
   answer.unit = is_thesis ? 1.0 : surface.unit;
@@ -95,9 +101,10 @@ void prepare(Answer& answer, const ScaleRequest& request, const Context& context
   if (answer.is_estimated) {
     NoiseLevelOptions level;
     level.seed = context.seed;
-    answer.sigma = surface.unit *
-                   estimate_noise(surface.graph.points, level, context.run.stage(0.5, 0.6)).sigma;
-    if (!(answer.sigma > 0.0)) {
+    answer.sigma =
+        surface.unit *
+        noise_level_of(answer.surface, level, context, context.run.stage(0.5, 0.6)).sigma;
+    if (require_comparable_noise(answer.sigma / surface.unit) == 0.0) {
       throw AnalysisError("E_DEGENERATE", "no noise was found", "give it with --noise");
     }
   } else {
@@ -109,7 +116,7 @@ void prepare(Answer& answer, const ScaleRequest& request, const Context& context
     throw InvalidArgument("noise is nothing beside the size of the surface");
   draws.sigma = answer.sigma / answer.unit;
   draws.realisations = request.realisations;
-  draws.experiments = request.experiments;
+  if (!is_thesis || request.has_experiments) draws.experiments = request.experiments;
   draws.significance = request.significance;
   draws.seed = context.seed;
   answer.options.sizes = request.sizes;
@@ -135,6 +142,13 @@ std::int32_t input_vertex(const Answer& answer, std::size_t i) {
   return answer.surface.input_vertex[static_cast<std::size_t>(answer.field.vertices[i])];
 }
 
+// Of a statistic that could be computed: nothing may be left to test, and a sample that the
+// prediction excludes has an infinite one.
+std::optional<double> tested(double statistic, Eigen::Index rank) {
+  if (rank == 0) return std::nullopt;
+  return std::min(statistic, 1e300);
+}
+
 nlohmann::ordered_json points_json(const Answer& answer) {
   nlohmann::ordered_json points = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < answer.field.scales.size(); ++i) {
@@ -143,8 +157,8 @@ nlohmann::ordered_json points_json(const Answer& answer) {
     points.push_back({{"vertex", input_vertex(answer, i)},
                       {"neighbors", test.neighbors},
                       {"radius", answer.unit * test.radius},
-                      {"T_beta", test.T_beta},
-                      {"T_kappa", test.T_kappa},
+                      {"T_beta", number_or_null(tested(test.T_beta, test.rank_beta))},
+                      {"T_kappa", number_or_null(tested(test.T_kappa, test.rank_kappa))},
                       {"passed", scale.passed()}});
   }
   return points;
@@ -182,8 +196,8 @@ void write_fields(const Answer& answer,
       const LocalScale& scale = answer.field.scales[nearest[static_cast<std::size_t>(v)]];
       const ScaleTest& test = scale.test();
       double value = -1.0;
-      if (name == "T_beta") value = std::min(test.T_beta, 1e300);
-      if (name == "T_kappa") value = std::min(test.T_kappa, 1e300);
+      if (name == "T_beta") value = tested(test.T_beta, test.rank_beta).value_or(-1.0);
+      if (name == "T_kappa") value = tested(test.T_kappa, test.rank_kappa).value_or(-1.0);
       if (name == "neighbors" && scale.passed()) value = test.neighbors;
       if (name == "radius" && scale.passed()) value = answer.unit * test.radius;
       values[v] = value;
@@ -197,10 +211,6 @@ void write_fields(const Answer& answer,
 
 // The values at the sampled vertices; elsewhere `sampled` is 0.
 void write_scales(const Answer& answer, const std::string& path) {
-  const SurfaceFormat format = surface_format_of(path);
-  if (format != SurfaceFormat::ply_binary && format != SurfaceFormat::ply_ascii) {
-    throw InvalidArgument("output is not a .ply file", "only PLY carries values at vertices");
-  }
   SurfaceOutput out;
   out.points = answer.surface.input_points;
   const Triangles& local = answer.surface.graph.triangles;
@@ -213,15 +223,15 @@ void write_scales(const Answer& answer, const std::string& path) {
   for (std::size_t i = 0; i < answer.field.scales.size(); ++i) {
     const LocalScale& scale = answer.field.scales[i];
     const ScaleTest& test = scale.test();
-    // A property is finite; 1e300 stands for a sample that the prediction excludes.
     values.row(input_vertex(answer, i)) << 1.0, scale.passed() ? 1.0 : 0.0, test.neighbors,
-        answer.unit * test.radius, std::min(test.T_beta, 1e300), std::min(test.T_kappa, 1e300);
+        answer.unit * test.radius, tested(test.T_beta, test.rank_beta).value_or(-1.0),
+        tested(test.T_kappa, test.rank_kappa).value_or(-1.0);
   }
   const char* names[] = {"sampled", "passed", "neighbors", "radius", "T_beta", "T_kappa"};
   for (Eigen::Index c = 0; c < values.cols(); ++c) {
     out.properties.push_back({names[c], values.col(c), false});
   }
-  write_surface(path, out, format);
+  write_surface(path, out, SurfaceFormat::ply_binary);
 }
 
 Plot validation_plot(const std::vector<PatchValidation>& validations) {
@@ -298,6 +308,8 @@ void write_report(const Answer& answer, const ScaleRequest& request) {
 
 void run_scale(Context& context, const ScaleRequest& request) {
   const auto fields = parsed_fields(request);
+  if (!request.output.empty()) output_format(context, request.output, "", {"ply"});
+  if (!request.report.empty()) output_format(context, request.report, "", {"html", "htm"});
   Answer answer;
   with_progress(context, "scale", [&] {
     answer.surface = load_surface(request.cloud, context);
@@ -344,6 +356,7 @@ void add_mls_scale(CLI::App& verb, Context& context) {
       "Example:\n  dupin mls scale smooth.ply --noise 0.002 --report scale.html\n\nThe points "
       "count as free of noise; it is added to them.");
   add_global_options(*scale, context);
+  add_input_format(*scale, context);
   auto request = std::make_shared<ScaleRequest>();
   scale->add_option("CLOUD", request->cloud, "Points or surface; - reads standard input")
       ->required();
@@ -355,7 +368,7 @@ void add_mls_scale(CLI::App& verb, Context& context) {
       "passes, T_beta or T_kappa; of the nearest tested vertex. May be repeated");
   scale
       ->add_option("--noise", request->noise,
-                   "Standard deviation in the unit of the input, or auto")
+                   "Standard deviation along the normal in the unit of the input, or auto")
       ->capture_default_str();
   scale->add_option("--samples", request->samples, "Vertices, chosen by --seed; 0: all")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000'000}))
@@ -368,18 +381,22 @@ void add_mls_scale(CLI::App& verb, Context& context) {
   scale->add_option("--realisations", request->realisations, "Draws of an experiment")
       ->check(CLI::Range(35, 100'000))
       ->capture_default_str();
-  scale
-      ->add_option("--experiments", request->experiments,
-                   "Experiments whose statistics are averaged")
-      ->check(CLI::Range(1, 100'000))
-      ->capture_default_str();
+  CLI::Option* experiments =
+      scale
+          ->add_option("--experiments", request->experiments,
+                       "Experiments whose statistics are averaged; preset thesis: 100")
+          ->check(CLI::Range(1, 100'000))
+          ->capture_default_str();
   scale->add_option("--significance", request->significance, "Level of the tests")
       ->check(in_range(1e-6, 0.5))
       ->capture_default_str();
   scale->add_option("--preset", request->preset, "default, thesis")
       ->check(CLI::IsMember({"default", "thesis"}))
       ->capture_default_str();
-  scale->callback([request, &context] { run_scale(context, *request); });
+  scale->callback([request, experiments, &context] {
+    request->has_experiments = experiments->count() > 0;
+    run_scale(context, *request);
+  });
 }
 
 }  // namespace dupin::cli

@@ -241,7 +241,7 @@ void color_by_snr(Scene& scene, std::vector<DrawnKeypoint>& keypoints, const Set
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     if (!keypoints[i].has_snr) {
       throw AnalysisError("E_NO_SNR", "the keypoints carry no snr",
-                          "write them with dupin keypoints --json");
+                          "write them with dupin keypoints --noise auto --json; noise 0 has none");
     }
     snr[static_cast<Eigen::Index>(i)] = keypoints[i].snr;
   }

@@ -108,6 +108,17 @@ Eigen::VectorXd LoadedSurface::to_input(const Eigen::VectorXd& values, double mi
   return result;
 }
 
+NoiseLevel noise_level_of(LoadedSurface& surface, const NoiseLevelOptions& options,
+                          const Context& context, const RunControl& run) {
+  const NoiseLevel level = estimate_noise(surface.graph.points, options, run);
+  WarningList repeated;
+  repeated.add("W_REPEATED_POINT", place_of(surface, level.first_repeated),
+               "points at the place of another were left out of the noise", level.num_repeated);
+  context.report(context.input, repeated);
+  surface.warnings.append(repeated);
+  return level;
+}
+
 const std::vector<std::string>& surface_extensions() {
   static const std::vector<std::string> names = {"ply", "obj", "off", "stl", "glb"};
   return names;

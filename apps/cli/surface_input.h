@@ -8,6 +8,7 @@
 #include "context.h"
 #include "dupin/base/warning.h"
 #include "dupin/mesh/polygon_mesh.h"
+#include "dupin/mls/noise_level.h"
 #include "dupin/surface/surface_graph.h"
 
 namespace dupin::cli {
@@ -46,6 +47,11 @@ double require_comparable_noise(double sigma);
 
 /// A vertex of the analysis as people know it: "vertex 5" or "point 5" of the input.
 std::string place_of(const LoadedSurface& surface, Eigen::Index vertex);
+
+/// estimate_noise() of a surface in local units; points that repeat others are reported and added
+/// to its warnings.
+NoiseLevel noise_level_of(LoadedSurface& surface, const NoiseLevelOptions& options,
+                          const Context& context, const RunControl& run);
 
 /// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
 /// Warnings go to `context` as well.

@@ -59,6 +59,7 @@ RowVector3d to_world(const MlsPatch& patch, const RowVector3d& local) {
 
 void store_deviations(Index v, const MlsPatch& patch, double noise_sigma, MlsCurvature& result) {
   const double variance = noise_sigma > 0.0 ? noise_sigma * noise_sigma : patch.variance;
+  result.dof[v] = patch.dof;
   result.sigma[v] = std::sqrt(patch.variance);
   const PatchMatrix covariance = variance * patch.unit_covariance;
   const Eigen::Matrix2d curvature = curvature_covariance(patch.beta, covariance);
@@ -87,7 +88,7 @@ MlsCurvature estimate_curvature_mls(const Points& points, const Points& normals,
   }
   if (options.want_deviations) {
     for (Eigen::VectorXd* values :
-         {&result.sigma, &result.mean_sd, &result.gauss_sd, &result.normal_sd_rad}) {
+         {&result.dof, &result.sigma, &result.mean_sd, &result.gauss_sd, &result.normal_sd_rad}) {
       *values = Eigen::VectorXd::Zero(count);
     }
   }

@@ -18,6 +18,7 @@ struct MlsCurvature {
   Points projected;            ///< #V by 3: every point on the surface of its patch (Eq. 4.13) [mu]
   Eigen::VectorXi order;       ///< #V: coefficients that the neighbourhood determined: 10, 6, 3, 0
   Eigen::VectorXd radius;      ///< #V: of the neighbourhood [mu]
+  Eigen::VectorXd dof;         ///< #V: degrees of freedom of sigma; 0: nothing is known of it
   Eigen::VectorXd sigma;       ///< #V: standard deviation of the heights about the patch [mu]
   Eigen::VectorXd mean_sd;     ///< #V: standard deviation of H (Eq. 4.37) [1/mu]
   Eigen::VectorXd gauss_sd;    ///< #V: of K [1/mu^2]
@@ -31,7 +32,7 @@ struct MlsCurvatureOptions {
   /// Standard deviation of the noise of the heights [mu]; 0: from the residual of each patch, which
   /// holds what the cubic does not follow besides the noise.
   double noise_sigma = 0.0;
-  bool want_deviations = true;  ///< sigma, mean_sd, gauss_sd, normal_sd_rad; else they are empty
+  bool want_deviations = true;  ///< dof, sigma, mean_sd, gauss_sd, normal_sd_rad; else empty
 };
 
 /// Curvature at every point of a cloud or mesh, from the cubic patch of its neighbourhood (thesis

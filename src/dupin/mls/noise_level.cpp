@@ -67,8 +67,8 @@ void sort_along_curve(const Points& points, std::vector<std::int32_t>& index) {
   for (std::size_t i = 0; i < order.size(); ++i) index[i] = order[i].second;
 }
 
-// Rows without those that repeat an earlier one; in their order.
-Points distinct(const Points& points) {
+// Rows without those that repeat an earlier one; in their order. `first` is the first left out.
+Points distinct(const Points& points, Index& first) {
   std::vector<std::int32_t> order(static_cast<std::size_t>(points.rows()));
   std::iota(order.begin(), order.end(), 0);
   const auto key = [&](std::int32_t v) {
@@ -82,6 +82,10 @@ Points distinct(const Points& points) {
   if (last == order.end()) return points;
   order.erase(last, order.end());
   std::sort(order.begin(), order.end());
+  first = 0;
+  while (first < static_cast<Index>(order.size()) &&
+         order[static_cast<std::size_t>(first)] == first)
+    ++first;
   Points kept(static_cast<Index>(order.size()), 3);
   for (std::size_t i = 0; i < order.size(); ++i)
     kept.row(static_cast<Index>(i)) = points.row(order[i]);
@@ -207,7 +211,8 @@ NoiseLevel estimate_noise(const Points& given, const NoiseLevelOptions& options,
   for (Index i = 0; i < given.size(); ++i) {
     if (!std::isfinite(given.data()[i])) throw InvalidArgument("points: not finite");
   }
-  const Points points = distinct(given);
+  Index first_repeated = -1;
+  const Points points = distinct(given, first_repeated);
   if (points.rows() <= kOrder) {
     throw AnalysisError("E_TOO_FEW_POINTS", std::to_string(points.rows()) +
                                                 " points, an estimate of the noise needs 11");
@@ -247,6 +252,7 @@ NoiseLevel estimate_noise(const Points& given, const NoiseLevelOptions& options,
                         "no neighbourhood of " + std::to_string(k) + " points determines a cubic");
   }
   result.num_repeated = given.rows() - points.rows();
+  result.first_repeated = first_repeated;
   return result;
 }
 

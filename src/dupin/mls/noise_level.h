@@ -23,6 +23,7 @@ struct NoiseLevel {
   double sigma_standard_error = 0.0;  ///< of sigma [mu]
   Eigen::Index num_samples = 0;       ///< patches used: those of full order
   Eigen::Index num_repeated = 0;      ///< points at a place that another has, left out
+  Eigen::Index first_repeated = -1;   ///< the first of those points; -1: none
 };
 
 /// Standard deviation of the noise of a surface (thesis 4.2.4): cubic patches with uniform weights

@@ -18,7 +18,7 @@ namespace dupin {
 struct StackNoiseOptions {
   LevelSchedule schedule = {};
   Filter filter = Filter::implicit;
-  int num_replicas = 32;  ///< 8 to 4096; rounded up to a multiple of 8
+  int num_replicas = 32;  ///< 8 to 4096; rounded up to a multiple of 16
   /// The variance of R replicas at a vertex is averaged over the surface by diffusion for
   /// max(4, pooling tau_l) squared mean edges; 0: not at all.
   double pooling = 1.0;

@@ -76,6 +76,7 @@ TEST(EstimateNoise, RepeatedPointsChangeNothing) {
   EXPECT_EQ(level.sigma, plain.sigma);
   EXPECT_EQ(level.sigma_standard_error, plain.sigma_standard_error);
   EXPECT_EQ(level.num_repeated, once.rows());
+  EXPECT_EQ(level.first_repeated, once.rows());
   EXPECT_EQ(plain.num_repeated, 0);
 }
 
