@@ -196,11 +196,10 @@ struct HeightDerivative {
     const Index num_vertices = graph.points.rows();
     umbrella.setZero(num_vertices, 3);
     edge_gradient.setZero(num_vertices, 3);
-    height = (graph.mean_edge *
-              height_signal(graph.points, graph.normals, ring, {options.normal_smoothing}))
-                 .cast<float>();
+    const Points smoothed = smooth_normals(graph.normals, ring, options.normal_smoothing);
+    smooth = smoothed.cast<float>();
+    height = (graph.mean_edge * height_signal(graph.points, smoothed, ring, {0})).cast<float>();
     const double num_edges = 0.5 * static_cast<double>(ring.neighbor.size());
-    smooth = smooth_normals(graph.normals, ring, options.normal_smoothing).cast<float>();
     const double edge = graph.mean_edge;
     for (Index v = 0; v < num_vertices; ++v) {
       if (ring.valence(v) == 0) continue;
@@ -415,8 +414,7 @@ SignalNoise make_signal_noise(const SurfaceGraph& graph, Signal signal,
   if (signal == Signal::height) {
     const auto derivative = std::make_shared<const HeightDerivative>(graph, options);
     // The signal carries 1 / e^2.
-    noise.bias = -2.0 * edge_growth(graph, options) *
-                 compute_signal(graph, Signal::height, options.normal_smoothing);
+    noise.bias = -2.0 * edge_growth(graph, options) / edge * derivative->height.cast<double>();
     noise.draw = [derivative](Index block) { return derivative->draw(block); };
     noise.displacement = [derivative, sigma = options.sigma](Index replica) {
       return displacement(displacements(derivative->deviates, derivative->normals,
