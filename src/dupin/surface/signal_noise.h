@@ -55,8 +55,9 @@ SignalNoise make_signal_noise(const SurfaceGraph& graph, Signal signal,
 /// Standard deviation of what the rounding of the coordinates did to each of them [unit of the
 /// points]: half a unit in the last place of double precision, of single precision if all
 /// coordinates are such numbers, or of the decimals that all of them keep to (as in text files;
-/// steps of more than a thousandth of the extent are a shape), over sqrt 3. The least noise that a surface
-/// can be said to have: an estimate below it is about the shape of the rounding. 0 without points.
+/// steps of more than a thousandth of the extent are a shape), over sqrt 3. The least noise that a
+/// surface can be said to have: an estimate below it is about the shape of the rounding. 0 without
+/// points.
 /// @throws InvalidArgument if a coordinate is not finite
 /// Cost: O(V).
 double estimate_rounding(const Points& points);
