@@ -230,6 +230,7 @@ void demo(const Settings& settings, Context& context) {
                     "curvature. Where that stack responds most strongly, in place and in scale, "
                     "there is a keypoint, and the stack says how large it is.");
   std::vector<DemoTiming> timings;
+  nlohmann::ordered_json noisy_scan;
   with_progress(context, "demo", [&] {
     std::vector<DemoSubject> subjects;
     if (!settings.surfaces.empty()) subjects = file_subjects(settings.surfaces, context);
@@ -241,7 +242,7 @@ void demo(const Settings& settings, Context& context) {
       timings.push_back(timing);
       // The first surface is scanned again, with noise.
       if (&subject == &subjects.front()) {
-        add_noisy_scan(report, directory, subject, analysis, context);
+        noisy_scan = add_noisy_scan(report, directory, subject, analysis, context);
       }
     }
     add_local_scale(report, directory, context);
@@ -265,6 +266,7 @@ void demo(const Settings& settings, Context& context) {
                                       {"pictures", t.pictures}}},
                                     {"warnings", to_json(t.warnings)}});
   }
+  document["noisy_scan"] = noisy_scan;
   context.print_json(document);
 }
 

@@ -279,7 +279,7 @@ std::string share(std::size_t part, std::size_t whole) {
                                   100.0 * static_cast<double>(part) / static_cast<double>(whole));
 }
 
-void add_counts(HtmlReport& report, const Scan& scan, const DemoAnalysis& clean) {
+nlohmann::ordered_json add_counts(HtmlReport& report, const Scan& scan, const DemoAnalysis& clean) {
   std::size_t kept = 0;
   std::size_t kept_real = 0;
   std::size_t real = 0;
@@ -332,12 +332,24 @@ void add_counts(HtmlReport& report, const Scan& scan, const DemoAnalysis& clean)
               ? " Here the estimate is above even that; then the bars are too long, and fewer "
                 "keypoints are kept than could be."
               : ""));
+  return {{"surface", scan.subject.file},
+          {"sigma_added", scan.sigma},
+          {"sigma", scan.level.sigma},
+          {"sigma_standard_error", scan.level.sigma_standard_error},
+          {"sigma_without", scan.floor.sigma},
+          {"advised_level", scan.advised_level},
+          {"keypoints", all},
+          {"with_counterpart", real},
+          {"kept", kept},
+          {"kept_with_counterpart", kept_real},
+          {"seconds", scan.seconds}};
 }
 
 }  // namespace
 
-void add_noisy_scan(HtmlReport& report, const fs::path& directory, const DemoSubject& subject,
-                    const DemoAnalysis& clean, Context& context) {
+nlohmann::ordered_json add_noisy_scan(HtmlReport& report, const fs::path& directory,
+                                      const DemoSubject& subject, const DemoAnalysis& clean,
+                                      Context& context) {
   Scan scan = make_scan(directory, subject, clean, context);
   report.add_section(
       "How sure are we?",
@@ -357,7 +369,7 @@ void add_noisy_scan(HtmlReport& report, const fs::path& directory, const DemoSub
   const int level = scan.advised_level > 0 ? scan.advised_level : 20;
   pictures.push_back(level_picture(directory, scan, level, context));
   report.add_pictures(pictures);
-  add_counts(report, scan, clean);
+  nlohmann::ordered_json figures = add_counts(report, scan, clean);
   const Curves curves = curves_of(scan, clean);
   if (!curves.response.series.empty()) {
     report.add_svg(
@@ -387,6 +399,7 @@ void add_noisy_scan(HtmlReport& report, const fs::path& directory, const DemoSub
                    "--size {}x{}",
                    scan.subject.file, base, base, subject.view, kDemoWidth, kDemoHeight)});
   report.add_paragraph(fmt::format("The error bars took {:.1f} s.", scan.seconds));
+  return figures;
 }
 
 }  // namespace dupin::cli

@@ -80,9 +80,11 @@ ReportPicture draw(const std::filesystem::path& directory, const DemoSubject& su
 /// Writes the mesh of `subject` as a PLY.
 void write_subject(const DemoSubject& subject);
 
-/// A noisy scan and how sure its keypoints are, beside `clean`, the analysis of `subject`.
-void add_noisy_scan(HtmlReport& report, const std::filesystem::path& directory,
-                    const DemoSubject& subject, const DemoAnalysis& clean, Context& context);
+/// A noisy scan and how sure its keypoints are, beside `clean`, the analysis of `subject`. Returns
+/// its figures.
+nlohmann::ordered_json add_noisy_scan(HtmlReport& report, const std::filesystem::path& directory,
+                                      const DemoSubject& subject, const DemoAnalysis& clean,
+                                      Context& context);
 
 /// How many neighbours curvature needs, all over a torus.
 void add_local_scale(HtmlReport& report, const std::filesystem::path& directory, Context& context);

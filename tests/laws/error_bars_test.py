@@ -195,6 +195,17 @@ class Keypoints(ErrorBars):
             if point["position_sd"] is not None:
                 self.near(point["position_sd"], 2 * once[point["vertex"]]["position_sd"], 1e-3)
 
+    def test_the_colours_of_a_picture_follow_the_range(self):
+        with open(self.path("kp.json"), "wb") as out:
+            out.write(self.done("keypoints", "b.ply", "--noise", "auto", "--json", "--quiet"))
+        drawn = []
+        for more in ([], ["--range", "0,1000"], ["--map", "diverging"]):
+            self.done("render", "b.ply", "-o", "p.png", "--keypoints", "kp.json", "--color", "snr", "--no-legend",
+                      "--size", "160x120", *more)
+            with open(self.path("p.png"), "rb") as file:
+                drawn.append(file.read())
+        self.assertEqual(len(set(drawn)), 3)
+
     def test_wrong_options_are_wrong_usage(self):
         for words in (["--noise", "-1"], ["--noise", "nan"], ["--noise", "inf"], ["--noise", "some"],
                       ["--replicas", "7"], ["--replicas", "5000"], ["--min-snr", "-1"], ["--min-snr", "nan"],
@@ -205,6 +216,31 @@ class Keypoints(ErrorBars):
             out.writelines(f"{i} {i * i % 7} {i % 3}\n" for i in range(9))
         answer = self.json_of("mls", "noise", "few.xyz", status=5)
         self.assertEqual(answer["error"]["code"], "E_TOO_FEW_POINTS")
+
+
+class Demo(ErrorBars):
+    def test_the_noisy_scan_tells_what_it_shows(self):
+        answer = self.json_of("demo", "page")
+        scan = answer["noisy_scan"]
+        # The bumpy sphere: smooth, so that its noise is that which was added.
+        self.assertLess(abs(scan["sigma"] - scan["sigma_added"]), 4 * scan["sigma_standard_error"])
+        self.assertLess(scan["sigma_standard_error"], 0.02 * scan["sigma"])
+        self.assertLess(scan["sigma_without"], 0.01 * scan["sigma"])
+        # The page's numbers are those of the command that it names.
+        kept = self.json_of("keypoints", scan["surface"], "--significance", "0.05")
+        self.assertEqual(len(kept["keypoints"]), scan["kept"])
+        self.near(kept["noise_sigma"], scan["sigma"], 1e-9)
+        self.assertEqual(kept["advised_level"], scan["advised_level"])
+        self.assertEqual(len(self.json_of("keypoints", scan["surface"])["keypoints"]), scan["keypoints"])
+        # What is kept is real more often than what is not.
+        lost = scan["keypoints"] - scan["kept"]
+        lost_real = scan["with_counterpart"] - scan["kept_with_counterpart"]
+        self.assertGreater(scan["kept_with_counterpart"] * lost, lost_real * scan["kept"])
+        with open(self.path("page", "index.html"), encoding="utf-8") as file:
+            page = file.read()
+        for name in os.listdir(self.path("page")):
+            if name.endswith(".png"):
+                self.assertIn(name, page)
 
 
 if __name__ == "__main__":

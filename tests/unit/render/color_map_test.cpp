@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "dupin/base/error.h"
+#include "dupin/render/scene.h"
 
 namespace dupin {
 namespace {
@@ -101,6 +102,17 @@ TEST(Range, RefusesNaN) {
   values[1] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(robust_range(values), InvalidArgument);
   EXPECT_THROW(symmetric_range(values), InvalidArgument);
+}
+
+// Places without a value are told from all values: the grey is 15 units of CIELAB away from every
+// colour of both maps, six times what is just seen side by side.
+TEST(ColorMap, HasNoColorNearTheGreyOfNoValue) {
+  const Eigen::Vector3d grey = lab_from_srgb(kNoValueColor);
+  for (const ColorMap map : {ColorMap::sequential, ColorMap::diverging}) {
+    for (int i = 0; i <= 1000; ++i) {
+      EXPECT_GT((lab_from_srgb(map_color(map, i / 1000.0)) - grey).norm(), 15.0) << i;
+    }
+  }
 }
 
 }  // namespace

@@ -432,5 +432,39 @@ TEST(Camera, TheFitHoldsEverythingAndIsTight) {
   }
 }
 
+// The grey of no value stands under the colour bar when the legend names it, in a box as wide as
+// the bar, and nowhere otherwise.
+TEST(Renderer, NamesWhatHasNoValueUnderTheColorBar) {
+  Scene scene = scene_of(globe(8));
+  scene.surfaces[0].scalar = scene.surfaces[0].points.col(0);
+  scene.legend.has_color_bar = true;
+  RenderOptions options;
+  options.width = 400;
+  options.height = 300;
+  const auto grey_pixels = [&] {
+    const Image image = render_surface(scene, options);
+    const detail::LegendLayout layout = detail::lay_out(scene, options.width, options.height);
+    int count = 0;
+    for (int y = static_cast<int>(layout.bar.y + layout.bar.height) + 2; y < image.height; ++y) {
+      for (int x = static_cast<int>(layout.bar.x); x < image.width; ++x) {
+        const std::size_t at =
+            4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
+                 static_cast<std::size_t>(x));
+        bool is_grey = true;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double wanted = 255.0 * kNoValueColor[static_cast<Index>(k)];
+          is_grey = is_grey && std::abs(image.rgba[at + k] - wanted) <= 0.5;
+        }
+        if (is_grey) ++count;
+      }
+    }
+    const double side = layout.bar.width;
+    return static_cast<double>(count) / (side * side);
+  };
+  EXPECT_LT(grey_pixels(), 0.05);
+  scene.legend.no_value_label = "no size passes";
+  EXPECT_NEAR(grey_pixels(), 1.0, 0.25);  // a side of 7.65 pixels is drawn as 8
+}
+
 }  // namespace
 }  // namespace dupin
