@@ -124,7 +124,10 @@ double noise_sigma(const KeypointRequest& request, LoadedSurface& surface, Conte
   if (request.noise.empty() || request.noise == "auto") {
     NoiseLevelOptions options;
     options.seed = context.seed;
-    return noise_level_of(surface, options, context, context.run.stage(0.6, 0.65)).sigma;
+    const NoiseLevel level =
+        noise_level_of(surface, options, context, context.run.stage(0.6, 0.65));
+    // No file holds its points better than it rounds them.
+    return std::max(level.sigma, estimate_rounding(surface.points) / surface.unit);
   }
   double sigma = 0.0;
   const char* end = request.noise.data() + request.noise.size();
