@@ -25,7 +25,7 @@ constexpr Index kStepGrain = 1024;  // slices
 constexpr Index kTileGrain = 4096;  // rows
 constexpr Index kTile = 256;        // rows of all terms of a block: 20 KiB in double, fits in L1
 // Series cut below what rounding in single precision leaves cost products for nothing.
-constexpr double kSingleTolerance = 1e-6;
+constexpr double kSingleTolerance = 1e-5;
 
 template <class T>
 using Buffer = std::vector<T, Eigen::aligned_allocator<T>>;

@@ -53,7 +53,7 @@ ScaleSpace compute_scale_space(const DiffusionOperator& op, const Eigen::VectorX
                                const ScaleSpaceOptions& options = {}, RunControl run = {});
 
 /// The same in single precision, relative error up to 1e-4. Good enough for keypoints. A tolerance
-/// below 1e-6 is raised to it: rounding leaves more than that.
+/// below 1e-5 is raised to it: rounding leaves more than that.
 ScaleSpaceF compute_scale_space_single(const DiffusionOperator& op, const Eigen::VectorXd& signal,
                                        const ScaleSpaceOptions& options = {}, RunControl run = {});
 
