@@ -284,7 +284,8 @@ TEST(ScaleSpace, SinglePrecisionIsGoodToFiveDigits) {
             0.0);  // it is another path
 }
 
-// Rounding in single precision leaves more than 1e-5 of coarse levels, so no products are spent on less.
+// Rounding in single precision leaves more than 1e-5 of coarse levels, so no products are spent on
+// less.
 TEST(ScaleSpace, SinglePrecisionTakesNoMoreTermsThanItCanUse) {
   const Case c = umbrella_case(make_torus(1.0, 0.4, 2'000).mesh);
   const VectorXd f = random_signal(c.op.num_vertices, 7);
