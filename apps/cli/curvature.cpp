@@ -27,12 +27,8 @@ struct Estimate {
   bool has_deviations() const { return patches.sigma.size() > 0; }
 };
 
-// Deviations where they are known, -1 elsewhere: without degrees of freedom, and of a normal that
-// may point anywhere.
-Eigen::VectorXd known_sd(const MlsCurvature& patches, const Eigen::VectorXd& sd, double most) {
-  return (patches.dof.array() > 0.0 && sd.array() <= most).select(sd, -1.0);
-}
-
+// Deviations in the unit of the input, -1 where they are not known: without degrees of freedom, and
+// of a normal that may point anywhere.
 struct Deviations {
   Eigen::VectorXd mean;
   Eigen::VectorXd gauss;
@@ -40,16 +36,15 @@ struct Deviations {
   Eigen::VectorXd sigma;
 };
 
-Deviations deviations_of(const Estimate& estimate, double unit) {
-  constexpr double kAny = std::numeric_limits<double>::infinity();
-  const MlsCurvature& patches = estimate.patches;
-  const auto scaled = [](Eigen::VectorXd sd, double factor) {
-    return Eigen::VectorXd((sd.array() < 0.0).select(sd, factor * sd));
+Deviations deviations_of(const MlsCurvature& patches, double unit) {
+  const auto known = [&](const Eigen::VectorXd& sd, double factor,
+                         double most = std::numeric_limits<double>::infinity()) {
+    return Eigen::VectorXd(
+        (patches.dof.array() > 0.0 && sd.array() <= most).select(factor * sd, -1.0));
   };
-  return {scaled(known_sd(patches, patches.mean_sd, kAny), 1.0 / unit),
-          scaled(known_sd(patches, patches.gauss_sd, kAny), 1.0 / unit / unit),
-          scaled(known_sd(patches, patches.normal_sd_rad, 0.5 * std::numbers::pi), kDegrees),
-          scaled(known_sd(patches, patches.sigma, kAny), unit)};
+  return {known(patches.mean_sd, 1.0 / unit), known(patches.gauss_sd, 1.0 / unit / unit),
+          known(patches.normal_sd_rad, kDegrees, 0.5 * std::numbers::pi),
+          known(patches.sigma, unit)};
 }
 
 Eigen::VectorXd known(const Eigen::VectorXd& values) {
@@ -111,7 +106,7 @@ void write_curvature(const LoadedSurface& surface, const Estimate& estimate, dou
     flag[v] = field.is_estimated[static_cast<std::size_t>(v)];
   out.properties.push_back({"estimated", surface.to_input(flag), true});
   if (estimate.has_deviations()) {
-    const Deviations sd = deviations_of(estimate, surface.unit);
+    const Deviations sd = deviations_of(estimate.patches, surface.unit);
     add("H_sd", sd.mean, 1.0);
     add("K_sd", sd.gauss, 1.0);
     add("normal_sd_degrees", sd.normal_degrees, 1.0);
@@ -181,7 +176,7 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
                                      {"method", request.method}};
   if (estimate.has_deviations()) {
     const MlsCurvature& patches = estimate.patches;
-    const Deviations sd = deviations_of(estimate, surface.unit);
+    const Deviations sd = deviations_of(patches, surface.unit);
     const Eigen::VectorXd of_mean = known(estimated(vertices, sd.mean, 1.0));
     document["mean"]["H_sd"] = summary(of_mean);
     document["mean"]["K_sd"] = summary(known(estimated(vertices, sd.gauss, 1.0)));
@@ -198,7 +193,7 @@ void run_curvature(Context& context, const CurvatureRequest& request) {
       fmt::format("K  min {:.6g}  mean {:.6g}  max {:.6g}", K.minCoeff(), K.mean(), K.maxCoeff()));
   if (estimate.has_deviations()) {
     const Eigen::VectorXd sd =
-        known(estimated(vertices, deviations_of(estimate, surface.unit).mean, 1.0));
+        known(estimated(vertices, deviations_of(estimate.patches, surface.unit).mean, 1.0));
     context.say(sd.size() == 0
                     ? "standard deviation of H  not known: as many coefficients as points"
                     : fmt::format("standard deviation of H  min {:.3g}  mean {:.3g}  max {:.3g}",

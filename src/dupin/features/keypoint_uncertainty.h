@@ -52,8 +52,8 @@ std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
 /// alpha; exp(-(2 e)^2 / position_sd^2) <= alpha, the probability that noise moved it by more than
 /// two mean edges; for KeypointRule::persistent, followed over more levels than min_persistence
 /// asks, since the length of a track is noisy too: by six at the largest position_sd allowed, by
-/// two fewer for every factor e below it (docs/adr/0014-significance.md). With `alpha` 1 every
-/// keypoint.
+/// two fewer for every factor e below it (docs/adr/0015-tracks-of-sure-places.md). With `alpha` 1
+/// every keypoint.
 /// @throws InvalidArgument if alpha is not in (0, 1]
 bool is_significant(const Keypoint& point, const KeypointUncertainty& uncertainty,
                     const SurfaceGraph& graph, const LevelSchedule& schedule,
