@@ -129,8 +129,7 @@ TEST(FitPose, RefusesWhatDeterminesNothing) {
   const Points good = bad;
   bad(3, 1) = std::numeric_limits<double>::infinity();
   EXPECT_EQ(code_of([&] { fit_pose(good, bad); }), "E_OPTION");
-  EXPECT_EQ(code_of([&] { fit_pose(good, good, Eigen::VectorXd::Constant(5, -1.0)); }),
-            "E_OPTION");
+  EXPECT_EQ(code_of([&] { fit_pose(good, good, Eigen::VectorXd::Constant(5, -1.0)); }), "E_OPTION");
 }
 
 // inverse and compose form a group.

@@ -1,0 +1,63 @@
+#include "dupin/registration/assessment.h"
+
+#include <cmath>
+
+namespace dupin::detail {
+namespace {
+
+using Eigen::Index;
+using Eigen::RowVector3d;
+
+struct Tally {
+  Index all = 0;
+  Index touching = 0;
+  Index apart = 0;
+  double squares = 0.0;  // of the touching [mu of the surface]
+};
+
+Tally tally(const SurfaceSamples& surface, const SurfaceSamples& other, const Pose& pose,
+            double sign, double touching, double apart, Index every) {
+  Tally tally;
+  tally.all = (other.points.rows() + every - 1) / every;
+  if (surface.grid.empty()) return tally;
+  const Eigen::Matrix3d turn = pose.rotation.transpose();
+  for (Index i = 0; i < other.points.rows(); i += every) {
+    const RowVector3d place =
+        pose.scale * (other.points.row(i) * turn) + pose.translation.transpose();
+    const Index at = surface.near(place);
+    if (at < 0 || (surface.points.row(at) - place).norm() > apart) continue;
+    const RowVector3d normal = sign * (other.normals.row(i) * turn);
+    const auto foot = surface.foot(at, place);
+    if (foot && std::abs(foot->distance) <= touching && normal.dot(foot->normal) > 0.7) {
+      ++tally.touching;
+      tally.squares += foot->distance * foot->distance;
+    } else if (surface.is_border[static_cast<std::size_t>(at)] == 0 &&
+               normal.dot(surface.normals.row(at)) > 0.0) {
+      ++tally.apart;
+    }
+  }
+  return tally;
+}
+
+}  // namespace
+
+PoseFit assess_pose(const SurfaceSamples& moving, const SurfaceSamples& fixed, const Pose& pose,
+                    bool is_flipped, const AssessmentBounds& bounds, Index every) {
+  const double sign = is_flipped ? -1.0 : 1.0;
+  const Tally forth = tally(fixed, moving, pose, sign, bounds.touching, bounds.apart, every);
+  const Tally back = tally(moving, fixed, inverse(pose), sign, bounds.touching / pose.scale,
+                           bounds.apart / pose.scale, every);
+  PoseFit fit;
+  const auto part = [](Index some, Index all) {
+    return all > 0 ? static_cast<double>(some) / static_cast<double>(all) : 0.0;
+  };
+  fit.overlap_moving = part(forth.touching, forth.all);
+  fit.overlap_fixed = part(back.touching, back.all);
+  fit.num_pairs = forth.touching + back.touching;
+  fit.conflict = part(forth.apart + back.apart, forth.apart + back.apart + fit.num_pairs);
+  const double squares = forth.squares + pose.scale * pose.scale * back.squares;
+  fit.rmse = fit.num_pairs > 0 ? std::sqrt(squares / static_cast<double>(fit.num_pairs)) : 0.0;
+  return fit;
+}
+
+}  // namespace dupin::detail

@@ -1,0 +1,384 @@
+#include "dupin/registration/register.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "dupin/base/error.h"
+#include "dupin/registration/assessment.h"
+#include "dupin/registration/height_maps.h"
+#include "dupin/registration/icp.h"
+#include "dupin/registration/pose_search.h"
+#include "dupin/registration/surface_samples.h"
+
+namespace dupin {
+namespace {
+
+using detail::AssessmentBounds;
+using detail::FeatureMatch;
+using detail::PoseHypothesis;
+using Eigen::Index;
+using std::size_t;
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
+
+constexpr int kRings = 8;        // height maps for a known scale
+constexpr int kScaleRings = 12;  // for an unknown one
+
+void check(const RegistrationOptions& options) {
+  const auto require = [](bool holds, const char* what) {
+    if (!holds) throw InvalidArgument(what);
+  };
+  require(std::isfinite(options.scale) && options.scale > 0.0, "scale must be finite and > 0");
+  require(options.max_rotation >= 0.0, "max_rotation must be >= 0");
+  require(options.min_confidence >= 0.0 && options.min_confidence <= 1.0,
+          "min_confidence must be in [0, 1]");
+}
+
+std::vector<FeatureMatch> find_matches(const ScanFeatures& moving, const ScanFeatures& fixed,
+                                       const RegistrationOptions& options, bool is_flipped,
+                                       const RunControl& run) {
+  detail::MapMatchOptions wanted;
+  int rings = kRings;
+  double base_fixed = 4.0 * std::max(fixed.mean_edge, options.scale * moving.mean_edge);
+  double base_moving = base_fixed / options.scale;
+  if (options.estimate_scale) {
+    rings = kScaleRings;
+    wanted.max_shift = 3;
+    base_fixed = 3.0 * fixed.mean_edge;
+    base_moving = 3.0 * moving.mean_edge;
+  }
+  const detail::HeightMaps of_fixed = detail::build_height_maps(fixed, base_fixed, rings, run);
+  detail::HeightMaps of_moving = detail::build_height_maps(moving, base_moving, rings, run);
+  if (run.cancelled()) return {};
+  if (is_flipped) of_moving = detail::flipped(of_moving);
+  std::vector<FeatureMatch> matches =
+      detail::match_height_maps(moving, of_moving, fixed, of_fixed, is_flipped, wanted, run);
+  if (matches.size() > 800) matches.resize(800);
+  return matches;
+}
+
+double score_of(const PoseFit& fit) {
+  return (fit.overlap_moving + fit.overlap_fixed) * std::exp(-fit.conflict / 0.06);
+}
+
+// The least resistance to a motion over the mean resistance, from the information of ICP.
+double stability_of(const IcpResult& icp, bool with_scale) {
+  const Index size = with_scale ? 7 : 6;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      icp.information.topLeftCorner(size, size));
+  if (!(icp.information.trace() > 0.0)) return 0.0;
+  return std::max(0.0, eigen.eigenvalues()[0]) * static_cast<double>(size) /
+         icp.information.trace();
+}
+
+// Each pair of patches averages the noise of the points below it; what remains of the pose is as if
+// all points of the overlap had voted (docs/methods/registration.md).
+Matrix7 covariance_of(const IcpResult& icp, const SurfaceSamples& moving,
+                      const SurfaceSamples& fixed, const PoseFit& fit, bool with_scale) {
+  const Index size = with_scale ? 7 : 6;
+  Matrix7 covariance = Matrix7::Zero();
+  const double moving_points = fit.overlap_moving * static_cast<double>(moving.num_points);
+  const double fixed_points = fit.overlap_fixed * static_cast<double>(fixed.num_points);
+  if (!(moving_points > 0.0) || !(fixed_points > 0.0) || !(icp.extent > 0.0)) return covariance;
+  const double moving_sigma = icp.pose.scale * moving.noise_sigma;
+  const double variance = moving_sigma * moving_sigma / moving_points +
+                          fixed.noise_sigma * fixed.noise_sigma / fixed_points;
+  const Eigen::MatrixXd information = icp.information.topLeftCorner(size, size);
+  covariance.topLeftCorner(size, size) =
+      information.completeOrthogonalDecomposition().pseudoInverse() * variance;
+  Eigen::Matrix<double, 7, 1> unit;
+  unit << Eigen::Vector3d::Constant(1.0 / icp.extent), Eigen::Vector3d::Ones(), 1.0 / icp.extent;
+  return unit.asDiagonal() * covariance * unit.asDiagonal();
+}
+
+// Logistic in what tells right poses from wrong ones (docs/methods/registration.md has the fit).
+double confidence_of(const PoseFit& fit, int matches) {
+  const double overlap = std::max(fit.overlap_moving, fit.overlap_fixed);
+  const double logit = 4.0 - 60.0 * fit.conflict + 20.0 * (std::min(overlap, 0.3) - 0.1) +
+                       0.1 * std::min(matches, 10);
+  return 1.0 / (1.0 + std::exp(-logit));
+}
+
+// The samples of both scans, of one size in the unit of the fixed one.
+struct Samples {
+  SurfaceSamples moving;
+  SurfaceSamples fixed;
+  AssessmentBounds bounds;
+};
+
+Samples sample_both(const Points& moving, const Points& moving_normals, const Points& fixed,
+                    const Points& fixed_normals, double scale, const SurfaceSampleOptions& options,
+                    const RunControl& run) {
+  Samples samples;
+  samples.fixed = sample_surface(fixed, fixed_normals, options, run.stage(0.0, 0.5));
+  samples.moving =
+      sample_surface(moving, moving_normals, {options.spacing / scale, options.radius / scale},
+                     run.stage(0.5, 1.0));
+  const double noise = std::hypot(scale * samples.moving.noise_sigma, samples.fixed.noise_sigma);
+  samples.bounds.touching = 0.15 * options.spacing + 0.6 * noise;
+  samples.bounds.apart = 3.0 * options.spacing;
+  return samples;
+}
+
+// For the search: of the coarse points, no more than some thousand.
+Samples sample_coarsely(const ScanFeatures& moving, const ScanFeatures& fixed, double scale,
+                        const RunControl& run) {
+  const double size = std::max(fixed.diameter, scale * moving.diameter);
+  SurfaceSampleOptions options;
+  options.spacing =
+      std::max(2.0 * std::max(fixed.mean_edge, scale * moving.mean_edge), size / 90.0);
+  options.radius = 1.7 * options.spacing;
+  return sample_both(moving.coarse, moving.coarse_normals, fixed.coarse, fixed.coarse_normals,
+                     scale, options, run);
+}
+
+// For the result: of all points, as small as their spacing allows.
+Samples sample_finely(const ScanFeatures& moving, const ScanFeatures& fixed, double scale,
+                      const RunControl& run) {
+  const auto edge = [](const ScanFeatures& scan) {
+    return scan.mean_edge * std::sqrt(static_cast<double>(scan.coarse.rows()) /
+                                      static_cast<double>(scan.points.rows()));
+  };
+  const double size = std::max(fixed.diameter, scale * moving.diameter);
+  SurfaceSampleOptions options;
+  options.radius = std::max(5.0 * std::max(edge(fixed), scale * edge(moving)), size / 120.0);
+  options.spacing = 0.85 * options.radius;
+  return sample_both(moving.points, moving.normals, fixed.points, fixed.normals, scale, options,
+                     run);
+}
+
+RegistrationResult cancelled_result() {
+  RegistrationResult result;
+  result.status = Status::cancelled;
+  return result;
+}
+
+// A pose on its way from the features to the surfaces.
+struct Trial {
+  PoseCandidate candidate;
+  std::vector<FeaturePair> pairs;
+};
+
+class Search {
+ public:
+  Search(const ScanFeatures& moving, const ScanFeatures& fixed, const RegistrationOptions& options,
+         const RunControl& run)
+      : moving_(moving), fixed_(fixed), options_(options), run_(run) {}
+
+  RegistrationResult solve() {
+    RegistrationResult result;
+    const double scale = options_.estimate_scale && moving_.mean_edge > 0.0
+                             ? fixed_.mean_edge / moving_.mean_edge
+                             : options_.scale;
+    samples_ = sample_coarsely(moving_, fixed_, scale, run_.stage(0.0, 0.2));
+    // Of bare points nobody knows which side is outward: the other one is tried where the first
+    // did not convince. After that every hypothesis gets its chance, not only the best supported.
+    const bool is_sure = moving_.has_sides && fixed_.has_sides;
+    std::vector<PoseHypothesis> hypotheses = propose(false, result);
+    try_hypotheses(hypotheses);
+    if (!is_convincing() && !is_sure) {
+      const std::vector<PoseHypothesis> others = propose(true, result);
+      try_hypotheses(others);
+      hypotheses.insert(hypotheses.end(), others.begin(), others.end());
+    }
+    if (!is_convincing()) try_all(hypotheses);
+    if (run_.cancelled()) return cancelled_result();
+    if (!trials_.empty()) conclude(result);
+    return run_.cancelled() ? cancelled_result() : result;
+  }
+
+ private:
+  std::vector<PoseHypothesis> propose(bool is_flipped, RegistrationResult& result) {
+    matches_ = find_matches(moving_, fixed_, options_, is_flipped, run_.stage(0.2, 0.5));
+    result.num_matches += static_cast<Index>(matches_.size());
+    detail::PoseSearchOptions search;
+    search.position_error =
+        options_.estimate_scale
+            ? 4.0 * fixed_.mean_edge
+            : 3.0 * std::max(fixed_.mean_edge, options_.scale * moving_.mean_edge);
+    search.with_scale = options_.estimate_scale;
+    search.scale = options_.scale;
+    std::vector<PoseHypothesis> found =
+        detail::search_poses(moving_, fixed_, matches_, search, run_.stage(0.5, 0.6));
+    if (options_.try_given_pose) {
+      PoseHypothesis given;
+      given.pose.scale = options_.scale;
+      given.is_flipped = is_flipped;
+      found.push_back(given);
+    }
+    return found;
+  }
+
+  bool is_convincing() const {
+    return std::any_of(trials_.begin(), trials_.end(), [](const Trial& trial) {
+      return trial.candidate.confidence > 0.95 && trial.candidate.fit.conflict < 0.05;
+    });
+  }
+
+  // Steps of ICP on every so many samples, and how the surfaces lie then.
+  void refine_roughly(PoseCandidate& candidate, int max_iterations, Index wanted_samples) {
+    IcpOptions icp;
+    icp.with_scale = options_.estimate_scale;
+    icp.is_flipped = candidate.is_flipped;
+    icp.start_distance = 3.0 * samples_.fixed.spacing;
+    icp.max_iterations = max_iterations;
+    icp.every = std::max<Index>(1, samples_.moving.points.rows() / wanted_samples);
+    icp.tolerance = 1e-2;
+    candidate.pose = refine_pose(samples_.moving, samples_.fixed, candidate.pose, icp, run_).pose;
+    candidate.fit = detail::assess_pose(samples_.moving, samples_.fixed, candidate.pose,
+                                        candidate.is_flipped, samples_.bounds, icp.every);
+  }
+
+  Trial start(const PoseHypothesis& hypothesis) const {
+    Trial trial;
+    trial.candidate.pose = hypothesis.pose;
+    trial.candidate.is_flipped = hypothesis.is_flipped;
+    trial.candidate.matches = static_cast<int>(hypothesis.members.size());
+    for (const std::int32_t m : hypothesis.members) {
+      const FeatureMatch& match = matches_[static_cast<size_t>(m)];
+      trial.pairs.push_back({moving_.anchors[static_cast<size_t>(match.moving)].vertex,
+                             fixed_.anchors[static_cast<size_t>(match.fixed)].vertex});
+    }
+    return trial;
+  }
+
+  void finish_rough(Trial trial) {
+    trial.candidate.confidence = confidence_of(trial.candidate.fit, trial.candidate.matches);
+    trials_.push_back(std::move(trial));
+  }
+
+  // Half of the places go to the hypotheses that most features agree on, half to those that fit
+  // best as they are: a round body fits in many poses, a scan of few features has few matches.
+  void try_hypotheses(const std::vector<PoseHypothesis>& hypotheses) {
+    AssessmentBounds loose = samples_.bounds;
+    loose.touching = 0.6 * samples_.fixed.spacing;
+    const Index every = std::max<Index>(1, samples_.moving.points.rows() / 300);
+    std::vector<std::pair<double, size_t>> ranked;
+    for (size_t h = 0; h < hypotheses.size() && !run_.cancelled(); ++h) {
+      const PoseFit fit = detail::assess_pose(samples_.moving, samples_.fixed, hypotheses[h].pose,
+                                              hypotheses[h].is_flipped, loose, every);
+      ranked.emplace_back(-(fit.overlap_moving + fit.overlap_fixed) * (1.0 - fit.conflict), h);
+    }
+    const auto supported = std::min<size_t>(ranked.size(), 12);
+    std::sort(ranked.begin() + static_cast<std::ptrdiff_t>(supported), ranked.end());
+    if (ranked.size() > 2 * supported) ranked.resize(2 * supported);
+    for (const auto& [score, h] : ranked) {
+      if (run_.cancelled()) return;
+      Trial trial = start(hypotheses[h]);
+      refine_roughly(trial.candidate, 12, 600);
+      finish_rough(std::move(trial));
+    }
+  }
+
+  void try_all(const std::vector<PoseHypothesis>& hypotheses) {
+    std::vector<std::pair<double, size_t>> ranked;
+    std::vector<Trial> trials;
+    for (const PoseHypothesis& hypothesis : hypotheses) {
+      if (run_.cancelled()) return;
+      trials.push_back(start_anew(hypothesis));
+      refine_roughly(trials.back().candidate, 8, 300);
+      ranked.emplace_back(-score_of(trials.back().candidate.fit), trials.size() - 1);
+    }
+    std::sort(ranked.begin(), ranked.end());
+    if (ranked.size() > 12) ranked.resize(12);
+    for (const auto& [score, h] : ranked) {
+      if (run_.cancelled()) return;
+      refine_roughly(trials[h].candidate, 20, 1000);
+      finish_rough(std::move(trials[h]));
+    }
+  }
+
+  // The matches of a flipped pass are gone: only the pose counts.
+  static Trial start_anew(const PoseHypothesis& hypothesis) {
+    Trial trial;
+    trial.candidate.pose = hypothesis.pose;
+    trial.candidate.is_flipped = hypothesis.is_flipped;
+    trial.candidate.matches = static_cast<int>(hypothesis.members.size());
+    return trial;
+  }
+
+  // ICP on the fine samples; judged on the coarse ones, which noise and detail disturb less.
+  IcpResult refine_fully(PoseCandidate& candidate, const Samples& fine, const RunControl& run) {
+    IcpOptions icp;
+    icp.with_scale = options_.estimate_scale;
+    icp.is_flipped = candidate.is_flipped;
+    icp.start_distance = 2.0 * fine.fixed.spacing;
+    const IcpResult refined = refine_pose(fine.moving, fine.fixed, candidate.pose, icp, run);
+    if (options_.refine) candidate.pose = refined.pose;
+    candidate.fit = detail::assess_pose(samples_.moving, samples_.fixed, candidate.pose,
+                                        candidate.is_flipped, samples_.bounds);
+    candidate.fit.stability = stability_of(refined, options_.estimate_scale);
+    candidate.confidence = confidence_of(candidate.fit, candidate.matches);
+    return refined;
+  }
+
+  bool is_same(const Pose& a, const Pose& b) const {
+    const Points center = moving_.coarse.colwise().mean();
+    return rotation_angle(a.rotation, b.rotation) < 0.1 &&
+           (transformed(center, a) - transformed(center, b)).norm() < 0.05 * fixed_.diameter &&
+           std::abs(std::log(a.scale / b.scale)) < 0.1;
+  }
+
+  void conclude(RegistrationResult& result) {
+    std::stable_sort(trials_.begin(), trials_.end(), [](const Trial& a, const Trial& b) {
+      return score_of(a.candidate.fit) > score_of(b.candidate.fit);
+    });
+    Trial& winner = trials_.front();
+    if (options_.estimate_scale) refine_roughly(winner.candidate, 30, 1000);
+    const Samples fine_samples =
+        sample_finely(moving_, fixed_, winner.candidate.pose.scale, run_.stage(0.8, 0.9));
+    if (run_.cancelled()) return;
+    const IcpResult fine = refine_fully(winner.candidate, fine_samples, run_.stage(0.9, 1.0));
+    const double score = score_of(winner.candidate.fit);
+    for (size_t k = 1; k < trials_.size() && result.alternatives.size() < 8; ++k) {
+      PoseCandidate other = trials_[k].candidate;
+      if (score_of(other.fit) < 0.6 * score || is_same(other.pose, winner.candidate.pose)) continue;
+      refine_fully(other, fine_samples, run_);
+      const auto is_known = [&](const PoseCandidate& known) {
+        return is_same(known.pose, other.pose);
+      };
+      if (score_of(other.fit) < 0.9 * score || is_known(winner.candidate) ||
+          std::any_of(result.alternatives.begin(), result.alternatives.end(), is_known)) {
+        continue;
+      }
+      result.alternatives.push_back(other);
+    }
+    result.best = winner.candidate;
+    result.pose = winner.candidate.pose;
+    result.correspondences = std::move(winner.pairs);
+    result.center = fine.center;
+    result.covariance = covariance_of(fine, fine_samples.moving, fine_samples.fixed,
+                                      result.best.fit, options_.estimate_scale);
+    result.refusal = judge(result.best);
+    result.accepted = result.refusal == Refusal::none;
+  }
+
+  Refusal judge(const PoseCandidate& best) const {
+    if (best.fit.num_pairs < 12) return Refusal::no_overlap;
+    if (best.fit.stability < 1e-3) return Refusal::undetermined;
+    if (best.confidence < options_.min_confidence) return Refusal::contradicted;
+    if (rotation_angle(Eigen::Matrix3d::Identity(), best.pose.rotation) > options_.max_rotation)
+      return Refusal::rotation;
+    return Refusal::none;
+  }
+
+  const ScanFeatures& moving_;
+  const ScanFeatures& fixed_;
+  const RegistrationOptions& options_;
+  const RunControl& run_;
+  Samples samples_;
+  std::vector<FeatureMatch> matches_;
+  std::vector<Trial> trials_;
+};
+
+}  // namespace
+
+RegistrationResult register_scans(const ScanFeatures& moving, const ScanFeatures& fixed,
+                                  const RegistrationOptions& options, RunControl run) {
+  check(options);
+  return Search(moving, fixed, options, run).solve();
+}
+
+}  // namespace dupin
