@@ -93,11 +93,11 @@ void add_error_bars(Scan& scan, const DemoAnalysis& clean, Context& context) {
                            keypoint_noise_options(graph, analysis.schedule, options), context.run);
   context.run.throw_if_cancelled();
   scan.sure = estimate_keypoint_uncertainty(graph, analysis.loc, analysis.schedule, scan.noise,
-                                            analysis.keypoints, options);
+                                            analysis.keypoints, options, context.run);
+  context.run.throw_if_cancelled();
   scan.advised_level = advise_level(analysis.loc, scan.noise.loc_sd);
   for (std::size_t i = 0; i < analysis.keypoints.size(); ++i) {
-    scan.is_kept.push_back(is_significant(analysis.keypoints[i], scan.sure[i], graph,
-                                          analysis.schedule, options, kSignificance));
+    scan.is_kept.push_back(is_significant(scan.sure[i], kSignificance));
     const std::int32_t vertex = clean_vertex(scan, analysis.keypoints[i]);
     scan.is_real.push_back(
         std::any_of(clean.keypoints.begin(), clean.keypoints.end(),

@@ -157,10 +157,12 @@ void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionO
     replicas.filter = stack_options(request.stack).filter;
     replicas.num_replicas = request.replicas;
     const StackNoise noise = estimate_stack_noise(op, make_signal_noise(graph, *signal, position),
-                                                  replicas, context.run.stage(0.65, 0.95));
+                                                  replicas, context.run.stage(0.65, 0.9));
     context.run.throw_if_cancelled();
-    found.uncertainty = estimate_keypoint_uncertainty(graph, stack.loc, request.stack.schedule,
-                                                      noise, points, options);
+    found.uncertainty =
+        estimate_keypoint_uncertainty(graph, stack.loc, request.stack.schedule, noise, points,
+                                      options, context.run.stage(0.9, 0.95));
+    context.run.throw_if_cancelled();
     found.advised_level = advise_level(stack.loc, noise.loc_sd);
   } else {
     // Without noise everything is certain, and a ratio to it is no number.
@@ -169,6 +171,7 @@ void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionO
     certain.p_value = 0.0;
     certain.position_sd = 0.0;
     certain.radius_sd = 0.0;
+    certain.stability = 1.0;
     found.uncertainty.assign(points.size(), certain);
     found.advised_level = 0;
   }
@@ -178,10 +181,7 @@ void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionO
     const KeypointUncertainty& u = found.uncertainty[i];
     if (options.top > 0 && static_cast<Index>(kept.size()) == options.top) break;
     if (u.snr < request.min_snr) continue;
-    if (request.significance > 0.0 && !is_significant(points[i], u, graph, request.stack.schedule,
-                                                      options, request.significance)) {
-      continue;
-    }
+    if (request.significance > 0.0 && !is_significant(u, request.significance)) continue;
     kept.push_back(points[i]);
     sure.push_back(u);
   }
@@ -229,14 +229,20 @@ std::vector<std::pair<const char*, std::optional<double>>> error_bars(const Foun
   std::optional<double> p_value;
   std::optional<double> position;
   std::optional<double> radius;
+  std::optional<double> stability;
   if (i < found.uncertainty.size()) {
     const KeypointUncertainty& u = found.uncertainty[i];
     if (u.snr < std::numeric_limits<double>::max()) snr = u.snr;
     p_value = u.p_value;
     if (u.position_sd) position = *u.position_sd * found.surface.unit;
     if (u.radius_sd) radius = *u.radius_sd * found.surface.unit;
+    stability = u.stability;
   }
-  return {{"snr", snr}, {"p_value", p_value}, {"position_sd", position}, {"radius_sd", radius}};
+  return {{"snr", snr},
+          {"p_value", p_value},
+          {"position_sd", position},
+          {"radius_sd", radius},
+          {"stability", stability}};
 }
 
 Json document_of(const Found& found) {
@@ -272,7 +278,7 @@ Json document_of(const Found& found) {
 std::string to_csv(const Found& found) {
   std::string text =
       "vertex,x,y,z,nx,ny,nz,level,tau,radius,response,kind,persistence,snr,p_value,position_sd,"
-      "radius_sd\n";
+      "radius_sd,stability\n";
   for (std::size_t i = 0; i < found.set.keypoints.size(); ++i) {
     const Keypoint& p = found.set.keypoints[i];
     const auto x = found.surface.points.row(p.vertex);
@@ -297,7 +303,7 @@ SurfaceOutput to_points(const Found& found) {
                          "tau", "radius", "response", "maximum", "persistence"};
   for (const char* name : names) out.properties.push_back({name, Eigen::VectorXd(count), false});
   if (found.sigma) {
-    for (const char* name : {"snr", "p_value", "position_sd", "radius_sd"})
+    for (const char* name : {"snr", "p_value", "position_sd", "radius_sd", "stability"})
       out.properties.push_back({name, Eigen::VectorXd(count), false});
   }
   for (Index i = 0; i < count; ++i) {

@@ -8,7 +8,7 @@ import unittest
 from program import Law, json, os, read_ply, struct, write_ply
 
 POINT = {"vertex", "position", "normal", "level", "tau", "radius", "response", "kind", "persistence", "snr", "p_value",
-         "position_sd", "radius_sd"}
+         "position_sd", "radius_sd", "stability"}
 
 
 def read_npy(path):

@@ -180,6 +180,57 @@ std::optional<double> radius_sd(const RadiusError& error, const VectorXd& scale,
   return sd;
 }
 
+// Share of the noise of a replica that is added to what is there. Chosen together with the reach:
+// smaller shares with less reach tell real keypoints from others as well as larger ones with more,
+// and keep more of them (docs/adr/0016-found-again-in-replicas.md).
+constexpr double kReplicaShare = 0.6;
+
+// How far from a keypoint its replicas may be [mean edges].
+double reach_of(const Keypoint& point, const KeypointOptions& options) {
+  constexpr double kLeast = 1.5;
+  constexpr double kPerLevel = 0.15;
+  constexpr double kLargest = 2.5;
+  if (options.rule != KeypointRule::persistent) return kLeast;
+  return std::min(kLargest, kLeast + kPerLevel * (point.persistence - options.min_persistence));
+}
+
+// Share of the replicas in which each keypoint is found again; empty: cancelled.
+std::vector<double> stabilities(const SurfaceGraph& graph, const LevelMatrix& loc,
+                                const LevelSchedule& schedule, const NoiseSamples& samples,
+                                const std::vector<Keypoint>& keypoints,
+                                const KeypointOptions& options, const RunControl& run) {
+  KeypointOptions all = options;
+  all.min_contrast = 0.0;
+  all.max_edge_ratio = 0.0;
+  all.top = 0;
+  constexpr Index kReplicas = ReplicaBlock::ColsAtCompileTime;
+  std::vector<int> count(keypoints.size(), 0);
+  LevelMatrix replica = loc;
+  for (Index r = 0; r < kReplicas; ++r) {
+    add_noise_sample(samples, schedule, r, kReplicaShare, loc, replica);
+    const auto from = static_cast<double>(r) / static_cast<double>(kReplicas);
+    const KeypointSet found =
+        find_keypoints(graph, replica, schedule, 0.0, all,
+                       run.stage(from, from + 1.0 / static_cast<double>(kReplicas)));
+    if (found.status != Status::ok) return {};
+    for (std::size_t i = 0; i < keypoints.size(); ++i) {
+      const double reach = graph.mean_edge * reach_of(keypoints[i], options);
+      const bool is_there =
+          std::any_of(found.keypoints.begin(), found.keypoints.end(), [&](const Keypoint& other) {
+            return other.kind == keypoints[i].kind &&
+                   (graph.points.row(other.vertex) - graph.points.row(keypoints[i].vertex))
+                           .norm() <= reach;
+          });
+      if (is_there) ++count[i];
+    }
+  }
+  std::vector<double> share;
+  share.reserve(count.size());
+  for (const int c : count)
+    share.push_back(static_cast<double>(c) / static_cast<double>(kReplicas));
+  return share;
+}
+
 }  // namespace
 
 double MaximumLaw::p_value(double snr) const { return -std::expm1(-rate * tail(snr)); }
@@ -202,13 +253,14 @@ StackNoiseOptions keypoint_noise_options(const SurfaceGraph& graph, const LevelS
                              ? std::max(1, schedule.num_levels - 3)
                              : schedule.num_levels - 2;
   result.is_excluded = graph.is_guarded;
+  result.want_samples = true;
   return result;
 }
 
 std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
     const SurfaceGraph& graph, const LevelMatrix& loc, const LevelSchedule& schedule,
-    const StackNoise& noise, const std::vector<Keypoint>& keypoints,
-    const KeypointOptions& options) {
+    const StackNoise& noise, const std::vector<Keypoint>& keypoints, const KeypointOptions& options,
+    RunControl run) {
   if (loc.rows() != schedule.num_levels - 1 || loc.cols() != graph.points.rows() ||
       noise.loc_sd.rows() != loc.rows() || noise.loc_sd.cols() != loc.cols()) {
     throw InvalidArgument("noise is " + std::to_string(noise.loc_sd.rows()) + " x " +
@@ -236,29 +288,21 @@ std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
                             noise_law(noise, tau, point.level, point.scale_vertex), point);
     result.push_back(u);
   }
+  if (!noise.samples.level.empty()) {
+    const std::vector<double> stability =
+        stabilities(graph, loc, schedule, noise.samples, keypoints, options, run);
+    if (run.cancelled()) return {};
+    for (std::size_t i = 0; i < result.size(); ++i) result[i].stability = stability[i];
+  }
   return result;
 }
 
-bool is_significant(const Keypoint& point, const KeypointUncertainty& uncertainty,
-                    const SurfaceGraph& graph, const LevelSchedule& schedule,
-                    const KeypointOptions& options, double alpha) {
+bool is_significant(const KeypointUncertainty& uncertainty, double alpha) {
   if (!(alpha > 0.0 && alpha <= 1.0)) {
     throw InvalidArgument("significance is " + std::to_string(alpha) + ", legal range (0, 1]");
   }
-  if (!(uncertainty.p_value <= alpha)) return false;
   if (alpha >= 1.0) return true;
-  constexpr double kReach = 2.0;  // mean edges
-  // exp(-reach^2 / sd^2) = alpha
-  const double limit = kReach * graph.mean_edge / std::sqrt(-std::log(alpha));
-  if (!uncertainty.position_sd || !(*uncertainty.position_sd <= limit)) return false;
-  if (options.rule != KeypointRule::persistent) return true;
-  constexpr double kMargin = 6.0;  // levels, at the limit
-  constexpr double kPerFactor = 2.0;
-  const double share = *uncertainty.position_sd / limit;
-  const double margin = share > 0.0 ? std::max(0.0, kMargin + kPerFactor * std::log(share)) : 0.0;
-  const int searched = schedule.num_levels - 1 - finest_level(schedule, options);
-  return point.persistence >=
-         std::min(options.min_persistence + margin, static_cast<double>(searched));
+  return uncertainty.p_value <= alpha && uncertainty.stability.value_or(0.0) >= 1.0 - alpha;
 }
 
 int advise_level(const LevelMatrix& field, const LevelMatrixF& sd, double share) {

@@ -17,6 +17,12 @@ struct KeypointUncertainty {
   /// response is no round extremum of a quadratic over two rings.
   std::optional<double> position_sd;
   std::optional<double> radius_sd;  ///< [mu]; absent where the scale is no peak of the response
+  /// Share of sixteen replicas in which it is found again; absent without StackNoise::samples. A
+  /// replica is the stack with .6 of one more noise added, searched as the stack was, but for
+  /// contrast, edges and number. Found again: a keypoint of the same kind within 1.5 mean edges, and
+  /// .15 more, up to 2.5, for every level that a track (KeypointRule::persistent) is longer than it
+  /// must be.
+  std::optional<double> stability;
 };
 
 /// Distribution of the largest |LoC| / sd that noise alone shows over all vertices and levels
@@ -40,24 +46,19 @@ StackNoiseOptions keypoint_noise_options(const SurfaceGraph& graph, const LevelS
 
 /// Uncertainty of keypoints found with `options`, aligned with them. `noise` belongs to the stack
 /// and was made with keypoint_noise_options(). Where noise is zero the snr is the largest double
-/// and the p-value 0.
+/// and the p-value 0. Empty when cancelled.
 /// @throws InvalidArgument if sizes differ
-/// Cost: O(1) a keypoint.
+/// Cost: O(1) a keypoint; with samples sixteen times find_keypoints() and a stack of memory.
 std::vector<KeypointUncertainty> estimate_keypoint_uncertainty(
     const SurfaceGraph& graph, const LevelMatrix& loc, const LevelSchedule& schedule,
-    const StackNoise& noise, const std::vector<Keypoint>& keypoints,
-    const KeypointOptions& options);
+    const StackNoise& noise, const std::vector<Keypoint>& keypoints, const KeypointOptions& options,
+    RunControl run = {});
 
-/// Is the keypoint there, and is it where it says, but for a chance of `alpha`? All of: p_value <=
-/// alpha; exp(-(2 e)^2 / position_sd^2) <= alpha, the probability that noise moved it by more than
-/// two mean edges; for KeypointRule::persistent, followed over more levels than min_persistence
-/// asks, since the length of a track is noisy too: by six at the largest position_sd allowed, by
-/// two fewer for every factor e below it (docs/adr/0015-tracks-of-sure-places.md). With `alpha` 1
-/// every keypoint.
+/// Is the keypoint there, and is it where it says, but for a chance of `alpha`? Both: p_value <=
+/// alpha; stability >= 1 - alpha (docs/adr/0016-found-again-in-replicas.md), which no keypoint
+/// without a stability has. With `alpha` 1 every keypoint.
 /// @throws InvalidArgument if alpha is not in (0, 1]
-bool is_significant(const Keypoint& point, const KeypointUncertainty& uncertainty,
-                    const SurfaceGraph& graph, const LevelSchedule& schedule,
-                    const KeypointOptions& options, double alpha);
+bool is_significant(const KeypointUncertainty& uncertainty, double alpha);
 
 /// Lowest level whose noise is small against what the surface itself shows there: the root mean
 /// square of `sd` is at most `share` of the spread of `field` over the vertices after the noise has

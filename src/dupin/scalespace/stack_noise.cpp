@@ -102,6 +102,7 @@ class Estimator {
     loc_.resize(op.num_vertices);
     levels_.resize(op.num_vertices);
     last_searched_ = options.last_searched > 0 ? options.last_searched : num_levels_ - 2;
+    if (options.want_samples) prepare_samples();
   }
 
   StackNoise estimate() {
@@ -117,6 +118,7 @@ class Estimator {
     levels_.variance /= count;
     pool();
     result.maxima = maxima();
+    result.samples = finished_samples();
     result.loc_sd = to_vertices(loc_, num_levels_ - 1, 1);
     if (options_.want_levels) {
       result.level_sd = to_vertices(levels_, num_levels_, 0);
@@ -134,6 +136,57 @@ class Estimator {
 
     void resize(Index num_rows) { variance.setZero(static_cast<Index>(at.size()), num_rows); }
   };
+
+  // Stops around the levels searched and their neighbours; the first is level 0, the last L - 2.
+  void prepare_samples() {
+    const std::vector<Index>& at = loc_.at;
+    const Index before = std::max(0, options_.first_searched - 1);
+    const Index after = std::min(num_levels_ - 2, last_searched_ + 1);
+    const auto first = std::upper_bound(at.begin(), at.end(), before) - 1;
+    const auto last = std::lower_bound(at.begin(), at.end(), after);
+    first_sample_ = static_cast<Index>(first - at.begin());
+    samples_.level.assign(first, last + 1);
+    samples_.loc.resize(samples_.level.size());
+  }
+
+  void keep_sample(const Worker& worker, Index loc_row) {
+    const Index k = loc_row - first_sample_;
+    if (k < 0 || k >= static_cast<Index>(samples_.loc.size())) return;
+    LevelMatrixF& replicas = samples_.loc[static_cast<size_t>(k)];
+    replicas.resize(kReplicaLanes, sets_.num_rows);
+    parallel_for(0, sets_.num_rows, kGrain, [&](Index first, Index last) {
+      const float* from = worker.fields.next.data() + first * kReplicaLanes;
+      for (Index r = first; r < last; ++r, from += kReplicaLanes) {
+        float* to = replicas.data() + sets_.vertex[static_cast<size_t>(r)];
+        for (Index lane = 0; lane < kReplicaLanes; ++lane) to[lane * sets_.num_rows] = from[lane];
+      }
+    });
+  }
+
+  NoiseSamples finished_samples() {
+    const auto count = static_cast<Index>(samples_.level.size());
+    samples_.unit = signal_.unit;
+    samples_.deviation = VectorXd::Zero(count);
+    samples_.correlation = VectorXd::Zero(std::max<Index>(0, count - 1));
+    const auto product = [&](Index a, Index b) {
+      const float* x = samples_.loc[static_cast<size_t>(a)].data();
+      const float* y = samples_.loc[static_cast<size_t>(b)].data();
+      double sum = 0.0;
+      for (Index i = 0; i < op_.num_vertices * kReplicaLanes; ++i)
+        sum += static_cast<double>(x[i]) * static_cast<double>(y[i]);
+      return sum / static_cast<double>(std::max<Index>(1, op_.num_vertices * kReplicaLanes));
+    };
+    parallel_for(0, count, 1, [&](Index first, Index last) {
+      for (Index k = first; k < last; ++k) samples_.deviation[k] = std::sqrt(product(k, k));
+    });
+    parallel_for(0, samples_.correlation.size(), 1, [&](Index first, Index last) {
+      for (Index k = first; k < last; ++k) {
+        const double both = samples_.deviation[k] * samples_.deviation[k + 1];
+        samples_.correlation[k] = both > 0.0 ? std::clamp(product(k, k + 1) / both, 0.0, 1.0) : 1.0;
+      }
+    });
+    return std::move(samples_);
+  }
 
   void load(Worker& worker, Index block) const {
     const ReplicaBlock drawn = signal_.draw(block);
@@ -207,6 +260,7 @@ class Estimator {
       if (options_.want_levels && stop.level > 0)
         add_squares(workers, &Worker::level_squares, levels_.variance, level_row++);
       if (l >= 0) {
+        if (first_block == 0) keep_sample(workers.front(), loc_row);
         add_squares(workers, &Worker::loc_squares, loc_.variance, loc_row);
         if (l >= options_.first_searched && l <= last_searched_) {
           set_floor(loc_row, last_block, floor);
@@ -458,6 +512,8 @@ class Estimator {
   VectorXd tau_;
   std::shared_ptr<const detail::ReplicaPlan> plan_;
   Index last_searched_ = 0;
+  Index first_sample_ = 0;  // row of loc_
+  NoiseSamples samples_;
   Rows levels_;
   Rows loc_;
   std::vector<std::vector<Candidate>> candidates_;  // of every replica
@@ -469,6 +525,55 @@ StackNoise estimate_stack_noise(const DiffusionOperator& op, const SignalNoise& 
                                 const StackNoiseOptions& options, RunControl run) {
   check(op, options);
   return Estimator(op, signal, options, run).estimate();
+}
+
+void add_noise_sample(const NoiseSamples& samples, const LevelSchedule& schedule, Index index,
+                      double share, const LevelMatrix& loc, LevelMatrix& replica) {
+  if (samples.level.empty()) throw InvalidArgument("the noise of the stack has no samples");
+  if (index < 0 || index >= kReplicaLanes) {
+    throw InvalidArgument("replica is " + std::to_string(index) + ", legal range 0 to " +
+                          std::to_string(kReplicaLanes - 1));
+  }
+  if (loc.rows() != schedule.num_levels - 1 || loc.cols() != samples.loc.front().cols() ||
+      samples.level.back() >= loc.rows() || replica.rows() != loc.rows() ||
+      replica.cols() != loc.cols()) {
+    throw InvalidArgument("loc is " + std::to_string(loc.rows()) + " by " +
+                          std::to_string(loc.cols()) + ", its replica " +
+                          std::to_string(replica.rows()) + " by " + std::to_string(replica.cols()) +
+                          ", the samples have " + std::to_string(samples.loc.front().cols()) +
+                          " vertices");
+  }
+  const VectorXd tau = level_scales(schedule, ScaleMeasure::exact);
+  const auto noise = [&](Index stop) {
+    return samples.loc[static_cast<size_t>(stop)].row(index).cast<double>();
+  };
+  const double factor = share * samples.unit;
+  parallel_for(samples.level.front(), samples.level.back() + 1, 1, [&](Index first, Index last) {
+    for (Index l = first; l < last; ++l) {
+      const auto above = std::lower_bound(samples.level.begin(), samples.level.end(), l);
+      const auto high = static_cast<Index>(above - samples.level.begin());
+      if (*above == l) {
+        replica.row(l) = loc.row(l) + factor * noise(high);
+        continue;
+      }
+      const Index low = high - 1;
+      const double sd[2] = {samples.deviation[low], samples.deviation[high]};
+      if (!(sd[0] > 0.0 && sd[1] > 0.0)) {
+        replica.row(l) = loc.row(l);
+        continue;
+      }
+      const auto place = [&](Index level) { return std::log(tau[level + 1]); };
+      const double from = place(samples.level[static_cast<size_t>(low)]);
+      const double part = (place(l) - from) / (place(*above) - from);
+      const double rest = 1.0 - part;
+      // A mean of two that are not quite the same varies less than either.
+      const double mean =
+          std::sqrt(rest * rest + part * part + 2.0 * rest * part * samples.correlation[low]);
+      const double sd_here = factor * std::exp(rest * std::log(sd[0]) + part * std::log(sd[1]));
+      replica.row(l) = loc.row(l) + (rest * sd_here / (mean * sd[0])) * noise(low) +
+                       (part * sd_here / (mean * sd[1])) * noise(high);
+    }
+  });
 }
 
 }  // namespace dupin

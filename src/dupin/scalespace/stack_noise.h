@@ -29,6 +29,17 @@ struct StackNoiseOptions {
   int last_searched = 0;
   /// #V or empty: no extremum is looked for here (SurfaceGraph::is_guarded).
   std::vector<std::uint8_t> is_excluded = {};
+  bool want_samples = false;  ///< StackNoise::samples
+};
+
+/// The noise of LoC in sixteen replicas, at the levels at which the walk stops; in between,
+/// add_noise_sample() interpolates. 64 bytes a vertex and stop.
+struct NoiseSamples {
+  std::vector<Eigen::Index> level;  ///< of LoC, ascending
+  std::vector<LevelMatrixF> loc;    ///< aligned with level: 16 by #V, a replica a row [unit]
+  Eigen::VectorXd deviation;        ///< aligned with level: root mean square of loc [unit]
+  Eigen::VectorXd correlation;      ///< of loc with that of the next stop; one fewer
+  double unit = 0.0;                ///< of loc in units of the signal
 };
 
 /// Noise of a scale-space stack.
@@ -41,6 +52,9 @@ struct StackNoise {
   /// R: of every replica, the largest |LoC| / sd over the extrema of the levels searched: what
   /// noise alone would offer to a detector. 0 where there is none.
   Eigen::VectorXd maxima;
+  /// From the stop at or below the level before the first one searched to the stop at or above the
+  /// one after the last; empty: not wanted.
+  NoiseSamples samples;
 };
 
 /// Standard deviation of every level of the stack, and of its Laplacian, at every vertex, for a
@@ -60,5 +74,15 @@ struct StackNoise {
 /// one more stack for the bias.
 StackNoise estimate_stack_noise(const DiffusionOperator& op, const SignalNoise& signal,
                                 const StackNoiseOptions& options = {}, RunControl run = {});
+
+/// Levels of a replica: replica = loc + share * noise, from the first stop to the last; others are
+/// left. Both matrices are L - 1 by V of `schedule`. Between two stops the noise, divided by the
+/// root mean square of its level, is linear in the logarithm of the scale: what the walk itself
+/// would give there correlates with that by .99 and more.
+/// @throws InvalidArgument if there are no samples, index is not in [0, 16) or a size differs
+/// Cost: O(V) a level.
+void add_noise_sample(const NoiseSamples& samples, const LevelSchedule& schedule,
+                      Eigen::Index index, double share, const LevelMatrix& loc,
+                      LevelMatrix& replica);
 
 }  // namespace dupin
