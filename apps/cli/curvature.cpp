@@ -208,7 +208,8 @@ void add_patch_options(CLI::App& verb, MlsOptions& options) {
       ->capture_default_str();
   verb.add_option("--radius", options.radius,
                   "Radius of a patch in the unit of the input, instead of --neighbors")
-      ->check(in_range(1e-300, 1e300));
+      ->check(in_range(1e-300, 1e300))
+      ->excludes("--neighbors");
   verb.add_option_function<std::string>(
           "--patch-weights",
           [&options](const std::string& name) {

@@ -87,6 +87,26 @@ std::vector<std::int32_t> chosen_vertices(const LoadedSurface& surface, const Sc
   return all;
 }
 
+// What the answer is not told by its numbers.
+void warn(Answer& answer, const ScaleRequest& request, const Context& context) {
+  WarningList warnings;
+  if (answer.is_estimated) {
+    warnings.add("W_NOISE_TWICE", "every point",
+                 "remark: the points count as free of noise and have the noise that was found: "
+                 "dupin mls smooth first, or --noise");
+  }
+  const auto first_large = std::find_if(request.sizes.begin(), request.sizes.end(), [&](int size) {
+    return size > answer.surface.graph.points.rows();
+  });
+  if (first_large != request.sizes.end()) {
+    warnings.add("W_SIZE_DROPPED", fmt::format("size {}", *first_large),
+                 "neighbourhoods of more points than there are were left out",
+                 request.sizes.end() - first_large);
+  }
+  context.report(request.cloud, warnings);
+  answer.surface.warnings.append(warnings);
+}
+
 void prepare(Answer& answer, const ScaleRequest& request, const Context& context) {
   const LoadedSurface& surface = answer.surface;
   const bool is_thesis = request.preset == "thesis";
@@ -120,6 +140,7 @@ void prepare(Answer& answer, const ScaleRequest& request, const Context& context
   draws.significance = request.significance;
   draws.seed = context.seed;
   answer.options.sizes = request.sizes;
+  warn(answer, request, context);
 }
 
 void validate_sizes(Answer& answer, const ScaleRequest& request, const RunControl& run) {

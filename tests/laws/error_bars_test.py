@@ -110,6 +110,14 @@ class Scale(ErrorBars):
         self.assertEqual(means, sorted(means))
         self.assertGreater(means[-1], means[0])
 
+    def test_what_the_numbers_do_not_tell_is_a_warning(self):
+        def codes(*words):
+            return {w["code"] for w in self.json_of("mls", "scale", "t.ply", *self.FEW, *words)["warnings"]}
+        self.assertIn("W_NOISE_TWICE", codes("--noise", "auto"))
+        self.assertNotIn("W_NOISE_TWICE", codes("--noise", "0.02"))
+        self.assertIn("W_SIZE_DROPPED", codes("--noise", "0.02", "--sizes", "40,60,100000"))
+        self.assertNotIn("W_SIZE_DROPPED", codes("--noise", "0.02", "--sizes", "40,60"))
+
     def test_wrong_options_are_wrong_usage(self):
         for words in (["--noise", "-1"], ["--noise", "0"], ["--noise", "nan"], ["--noise", "much"], ["--sizes", "40,40"],
                       ["--sizes", "60,40"], ["--sizes", "9"], ["--vertex", "100000"], ["--realisations", "34"],

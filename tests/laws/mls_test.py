@@ -84,10 +84,20 @@ class Mls(Law):
                 out.writelines(f"{i} {i * i % 7} {i % 3}\n" for i in range(count))
             answer = self.json_of(*words, "few.xyz", status=5)
             self.assertEqual(answer["error"]["code"], "E_TOO_FEW_POINTS")
+            # --neighbors of these verbs is that of a patch, and does not help here.
+            self.assertNotIn("fewer neighbours: --neighbors", answer["error"]["hint"])
         with open(self.path("line.xyz"), "w", encoding="ascii") as out:
             out.writelines(f"{i} 0 0\n" for i in range(50))
         answer = self.json_of("mls", "noise", "line.xyz", status=5)
         self.assertEqual(answer["error"]["code"], "E_DEGENERATE")
+
+    def test_a_radius_and_a_number_of_neighbours_exclude_each_other(self):
+        self.dupin("synth", "surface", "--shape", "torus", "--vertices", "500", "-o", "t.ply")
+        for words in (["mls", "smooth", "t.ply", "-o", "s.ply"], ["mls", "curvature", "t.ply"],
+                      ["curvature", "t.ply", "--method", "mls"]):
+            with self.subTest(words=words):
+                self.assertEqual(self.dupin(*words, "--neighbors", "40", "--radius", "0.3")[0], 2)
+                self.assertEqual(self.dupin(*words, "--radius", "0.3")[0], 0)
 
     def test_the_answer_is_the_same_for_every_number_of_threads(self):
         self.dupin("synth", "surface", "--shape", "torus", "--vertices", "4000", "--noise", "20", "-o", "t.ply")

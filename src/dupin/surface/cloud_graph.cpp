@@ -220,7 +220,7 @@ CloudGraph build_cloud_graph(const PointCloud& cloud, const CloudGraphOptions& o
     throw AnalysisError("E_TOO_FEW_POINTS",
                         std::to_string(num_points) + " points, more than " +
                             std::to_string(options.neighbors) + " are needed",
-                        "fewer neighbours: --neighbors K");
+                        "more points; fewer neighbours (--neighbors) for keypoints or scalespace");
   }
   // Squared distances of larger coordinates overflow.
   for (Index i = 0; i < cloud.points.size(); ++i) {
