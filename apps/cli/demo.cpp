@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "demo_crest.h"
 #include "demo_parts.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
@@ -231,6 +232,7 @@ void demo(const Settings& settings, Context& context) {
                     "there is a keypoint, and the stack says how large it is.");
   std::vector<DemoTiming> timings;
   nlohmann::ordered_json noisy_scan;
+  nlohmann::ordered_json crest_lines;
   with_progress(context, "demo", [&] {
     std::vector<DemoSubject> subjects;
     if (!settings.surfaces.empty()) subjects = file_subjects(settings.surfaces, context);
@@ -243,6 +245,7 @@ void demo(const Settings& settings, Context& context) {
       // The first surface is scanned again, with noise.
       if (&subject == &subjects.front()) {
         noisy_scan = add_noisy_scan(report, directory, subject, analysis, context);
+        crest_lines = add_crest_lines(report, directory, subject, analysis, context);
       }
     }
     add_local_scale(report, directory, context);
@@ -267,6 +270,7 @@ void demo(const Settings& settings, Context& context) {
                                     {"warnings", to_json(t.warnings)}});
   }
   document["noisy_scan"] = noisy_scan;
+  document["crest_lines"] = crest_lines;
   context.print_json(document);
 }
 

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "context.h"
+#include "crest_verb.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
@@ -58,6 +59,7 @@ void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_curvature(app, context);
   dupin::cli::add_scalespace(app, context);
   dupin::cli::add_keypoints(app, context);
+  dupin::cli::add_crest(app, context);
   dupin::cli::add_render(app, context);
   dupin::cli::add_mls(app, context);
   dupin::cli::add_synth(app, context);

@@ -16,6 +16,7 @@
 #include "dupin/io/npz.h"
 #include "dupin/io/png.h"
 #include "dupin/render/renderer.h"
+#include "line_files.h"
 #include "surface_picture.h"
 
 namespace dupin::cli {
@@ -133,94 +134,6 @@ std::vector<DrawnKeypoint> read_keypoints(const std::string& path, const ReadLim
                   "expected the output of dupin keypoints --json");
   }
   return out;
-}
-
-// Number at the start of `word`, of which `rest` is what follows; false if there is none.
-template <class Number>
-bool starts_with_number(std::string_view word, Number& value, std::string_view& rest) {
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc()) return false;
-  rest = word.substr(static_cast<std::size_t>(end - word.data()));
-  return true;
-}
-
-// The "v" and "l" lines of an OBJ file; whatever else it holds is no line. A corner is a vertex, or
-// vertex/texture, whose second part is ignored.
-class LineReader {
- public:
-  LineReader(const std::string& path, double width) : path_(path), width_(width) {}
-
-  void read(const std::string& text) {
-    std::istringstream in(text);
-    for (std::string line; std::getline(in, line);) {
-      ++number_;
-      std::istringstream words(line);
-      std::string word;
-      words >> word;
-      if (word == "v") add_point(words);
-      if (word == "l") add_polyline(words);
-    }
-  }
-  std::vector<ScenePolyline> take() { return std::move(lines_); }
-
- private:
-  [[noreturn]] void fail(const char* code, const std::string& message) const {
-    throw IoError(Errc::malformed, code, message, {path_, number_, -1});
-  }
-
-  void add_point(std::istringstream& words) {
-    Eigen::RowVector3d p;
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      std::string word;
-      std::string_view rest;
-      if (!(words >> word) || !starts_with_number(word, p[k], rest) || !rest.empty() ||
-          !std::isfinite(p[k])) {
-        fail("E_SYNTAX", "a vertex needs three numbers");
-      }
-    }
-    points_.push_back(p);
-  }
-
-  std::size_t corner(const std::string& word) const {
-    std::int64_t given = 0;
-    std::int64_t texture = 0;
-    std::string_view rest;
-    if (!starts_with_number(word, given, rest) ||
-        (!rest.empty() && (rest.front() != '/' ||
-                           !starts_with_number(rest.substr(1), texture, rest) || !rest.empty()))) {
-      fail("E_SYNTAX", "\"" + escaped(word, 40) + "\" is no corner of a line");
-    }
-    const auto count = static_cast<std::int64_t>(points_.size());
-    const std::int64_t index = given < 0 ? count + given : given - 1;
-    if (index < 0 || index >= count)
-      fail("E_INDEX_RANGE", fmt::format("a line uses vertex {} of {}", given, count));
-    return static_cast<std::size_t>(index);
-  }
-
-  void add_polyline(std::istringstream& words) {
-    std::vector<std::size_t> index;
-    for (std::string word; words >> word;) index.push_back(corner(word));
-    if (index.size() < 2) fail("E_SYNTAX", "a line needs two vertices or more");
-    ScenePolyline polyline;
-    polyline.points.resize(static_cast<Eigen::Index>(index.size()), 3);
-    for (std::size_t k = 0; k < index.size(); ++k)
-      polyline.points.row(static_cast<Eigen::Index>(k)) = points_[index[k]];
-    polyline.thickness_px = Eigen::VectorXd::Constant(1, width_);
-    lines_.push_back(polyline);
-  }
-
-  std::string path_;
-  double width_;
-  std::int64_t number_ = 0;
-  std::vector<Eigen::RowVector3d> points_;
-  std::vector<ScenePolyline> lines_;
-};
-
-std::vector<ScenePolyline> read_lines(const std::string& path, double width,
-                                      const ReadLimits& limits) {
-  LineReader reader(path, width);
-  reader.read(text_of(path, limits));
-  return reader.take();
 }
 
 // `scale` with what --map and --range say instead.
@@ -353,7 +266,8 @@ void add_render(CLI::App& app, Context& context) {
       "  dupin render armadillo.off -o plain.png --view 210,15\n"
       "  dupin render armadillo.off -o loc.png --color si_loc --level 20\n"
       "  dupin keypoints armadillo.off --json > kp.json\n"
-      "  dupin render armadillo.off -o keypoints.png --keypoints kp.json");
+      "  dupin render armadillo.off -o keypoints.png --keypoints kp.json\n"
+      "  dupin render armadillo.off -o crest.png --lines lines.ply");
   add_global_options(*verb, context);
   add_input_format(*verb, context);
   verb->add_option("mesh", settings->mesh, "Surface; - is standard input")->required();
@@ -370,8 +284,11 @@ void add_render(CLI::App& app, Context& context) {
                    "a pin only")
       ->check(in_range(0.0, 1000.0))
       ->capture_default_str();
-  verb->add_option("--lines", settings->lines, "OBJ file with l lines to draw");
-  verb->add_option("--line-width", settings->line_width, "Width of the lines [px]")
+  verb->add_option(
+      "--lines", settings->lines,
+      "Lines to draw: OBJ with l elements, or the PLY of dupin crest, as thick as its scales");
+  verb->add_option("--line-width", settings->line_width,
+                   "Width of the lines, of scales at their median [px]")
       ->check(in_range(0.1, 100.0))
       ->capture_default_str();
   verb->add_option("--view", settings->view,

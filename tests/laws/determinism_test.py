@@ -16,6 +16,7 @@ VERBS = {
                          "OUT/t.npz"],
     "keypoints": ["keypoints", "ball.ply", "-o", "OUT/k.ply"],
     "keypoints in space and scale": ["keypoints", "ball.ply", "--rule", "space-scale"],
+    "crest": ["crest", "ball.ply", "--noise", "auto", "--replicas", "4", "-o", "OUT/l.ply"],
     "render": ["render", "ball.ply", "--color", "si_loc", "--level", "12", "--size", "320x240",
                "-o", "OUT/p.png"],
 }

@@ -14,6 +14,7 @@ VERBS = {
     "curvature": (["curvature", "ball.ply"], "x.ply"),
     "scalespace": (["scalespace", "ball.ply", "--levels", "5"], "x.npz"),
     "keypoints": (["keypoints", "ball.ply"], "x.json"),
+    "crest": (["crest", "ball.ply"], "x.obj"),
     "render": (["render", "ball.ply", "--size", "200x160"], "x.png"),
 }
 

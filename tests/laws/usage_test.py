@@ -24,6 +24,9 @@ WRONG = {
     "scalespace": COMMON + STACK,
     "keypoints": COMMON + STACK + [["--rule", "best"], ["--level", "-1"], ["--top", "-1"],
                                    ["--rule", "level", "--level", "99"]],
+    "crest": COMMON + [["--gamma", "0"], ["--gamma", "nan"], ["--level", "-1"], ["--level", "24"],
+                       ["--levels", "1"], ["--filter", "box"], ["--low", "0.5"], ["--noise", "x"],
+                       ["--noise", "-1"], ["--replicas", "3"], ["--min-snr", "nan"], ["-o", "x.doc"]],
     "render": COMMON + [["--size", "0x0"], ["--size", "wide"], ["--view", "inside"],
                         ["--color", "pink"], ["--level", "-1"], ["--map", "rainbow"]],
 }

@@ -1,0 +1,150 @@
+#include "dupin/crest/ridge_segments.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "dupin/base/random.h"
+#include "dupin/mesh/shapes.h"
+
+namespace dupin {
+namespace {
+
+using detail::RidgeSegments;
+
+RidgeSegments segments_of(int num_crossings, std::vector<detail::RidgeSegment> segments) {
+  RidgeSegments found;
+  found.crossings.resize(static_cast<std::size_t>(num_crossings));
+  found.segments = std::move(segments);
+  return found;
+}
+
+// A path is walked from its end, in order.
+TEST(LinkSegments, WalksAPathFromEndToEnd) {
+  const auto chains = detail::link_segments(segments_of(4, {{2, 1}, {0, 2}, {1, 3}}));
+  ASSERT_EQ(chains.size(), 1U);
+  EXPECT_EQ(chains[0], (std::vector<std::int32_t>{0, 2, 1, 3}));
+}
+
+// A ring comes back to where it began.
+TEST(LinkSegments, ClosesARing) {
+  const auto chains = detail::link_segments(segments_of(3, {{0, 1}, {1, 2}, {2, 0}}));
+  ASSERT_EQ(chains.size(), 1U);
+  EXPECT_EQ(chains[0].size(), 4U);
+  EXPECT_EQ(chains[0].front(), chains[0].back());
+}
+
+// Three segments at one crossing (an edge with three faces): three chains end there.
+TEST(LinkSegments, EndsWhereThreeMeet) {
+  const auto chains = detail::link_segments(segments_of(4, {{0, 3}, {1, 3}, {2, 3}}));
+  EXPECT_EQ(chains.size(), 3U);
+  for (const auto& chain : chains) EXPECT_EQ(chain.size(), 2U);
+}
+
+// bend = 2 + sign y^2 / 2 over a plane, with directions +-y at random.
+struct Fold {
+  SurfaceGraph graph = surface_graph(make_plane({.num_vertices = 2000, .jitter = 0.2}).mesh);
+  detail::BendField field;
+
+  explicit Fold(double sign) {
+    const Eigen::Index count = graph.points.rows();
+    field.bend.resize(count);
+    field.strength = Eigen::VectorXd::Ones(count);
+    field.direction = Points::Zero(count, 3);
+    field.extremality.resize(count);
+    Rng rng(3);
+    for (Eigen::Index v = 0; v < count; ++v) {
+      const double y = graph.points(v, 1);
+      const double side = rng.below(2) == 0 ? 1.0 : -1.0;
+      field.bend[v] = 2.0 + 0.5 * sign * y * y;
+      field.direction(v, 1) = side;
+      field.extremality[v] = side * sign * y;
+    }
+  }
+};
+
+// -y^2: the bend is largest along y = 0, whatever the signs of the directions; e is linear, so
+// crossings are exact, and <grad e, t> = -1.
+TEST(FindRidgeSegments, FindsTheLineWhereTheBendIsLargest) {
+  const Fold fold(-1.0);
+  const RidgeSegments found = detail::find_ridge_segments(fold.graph, fold.field);
+  // The line crosses a strip of triangles from side to side, two on an edge's length.
+  EXPECT_GT(found.segments.size(), 60U);
+  for (const detail::EdgeCrossing& c : found.crossings) {
+    const double y =
+        (1.0 - c.weight) * fold.graph.points(c.a, 1) + c.weight * fold.graph.points(c.b, 1);
+    EXPECT_NEAR(y, 0.0, 1e-12);
+    EXPECT_NEAR(c.sharpness, 1.0, 1e-9);
+  }
+  EXPECT_EQ(detail::link_segments(found).size(), 1U);
+}
+
+// +y^2: the same zeros of the extremality, but the bend is least there (E-29).
+TEST(FindRidgeSegments, LeavesOutWhereTheBendIsLeast) {
+  const Fold fold(1.0);
+  EXPECT_TRUE(detail::find_ridge_segments(fold.graph, fold.field).segments.empty());
+}
+
+// Neither a curvature that bends the other way nor the weaker of the two makes a line.
+TEST(FindRidgeSegments, LeavesOutTheOtherKindAndTheWeakerCurvature) {
+  Fold fold(-1.0);
+  fold.field.strength *= -1.0;
+  EXPECT_TRUE(detail::find_ridge_segments(fold.graph, fold.field).segments.empty());
+  fold.field.strength *= -1.0;
+  fold.field.bend.array() -= 4.0;
+  EXPECT_TRUE(detail::find_ridge_segments(fold.graph, fold.field).segments.empty());
+}
+
+// The area-weighted mean of the gradients of a linear function is its gradient, on any triangles.
+TEST(GradientStencil, IsExactForLinearFunctions) {
+  const AnalyticSurface plane = make_plane({.num_vertices = 200, .jitter = 0.3, .seed = 3});
+  const SurfaceGraph graph = surface_graph(plane.mesh);
+  const detail::GradientStencil stencil =
+      detail::gradient_stencil(graph.points, graph.triangles, graph.topology.ring);
+  const Eigen::RowVector3d wanted(0.7, -1.3, 0.0);
+  const Eigen::VectorXd value = graph.points * wanted.transpose();
+  for (Eigen::Index v = 0; v < graph.points.rows(); ++v) {
+    Eigen::RowVector3d gradient = Eigen::RowVector3d::Zero();
+    const Adjacency& ring = graph.topology.ring;
+    for (const std::int32_t* j = ring.begin(v); j != ring.end(v); ++j)
+      gradient += (value[*j] - value[v]) * stencil.weight.row(j - ring.neighbor.data());
+    // Rounding of some ten terms.
+    EXPECT_LT((gradient - wanted).norm(), 1e-12);
+  }
+}
+
+// On a sphere dN = dp / r: the tensor is the tangential projector over r, positive for outward
+// normals.
+TEST(NormalGradient, OfASphereIsTheProjectorOverTheRadius) {
+  const double radius = 2.5;
+  const AnalyticSurface sphere = make_sphere(radius, 2500);
+  const SurfaceGraph graph = surface_graph(sphere.mesh);
+  const detail::GradientStencil stencil =
+      detail::gradient_stencil(graph.points, graph.triangles, graph.topology.ring);
+  const TensorField tensor = detail::normal_gradient(sphere.normals, graph.topology.ring, stencil);
+  for (Eigen::Index v = 0; v < tensor.rows(); ++v) {
+    const Eigen::RowVector3d n = sphere.normals.row(v);
+    // e = 0.07 r; faces tilt by e / r against the tangent plane, which enters by its square.
+    EXPECT_NEAR(tensor(v, 0), (1.0 - n[0] * n[0]) / radius, 0.01 / radius);
+    EXPECT_NEAR(tensor(v, 1), -n[0] * n[1] / radius, 0.01 / radius);
+    EXPECT_NEAR(tensor(v, 5), (1.0 - n[2] * n[2]) / radius, 0.01 / radius);
+  }
+}
+
+// A vertex of no area has no normal, and no stencil.
+TEST(GradientStencil, IsZeroWhereNoFaceHasAnArea) {
+  Points points(3, 3);
+  points << 0, 0, 0, 1, 0, 0, 2, 0, 0;
+  Triangles triangles(1, 3);
+  triangles << 0, 1, 2;
+  const SurfaceGraph graph = surface_graph(Mesh{points, triangles});
+  const detail::GradientStencil stencil =
+      detail::gradient_stencil(points, triangles, graph.topology.ring);
+  EXPECT_EQ(stencil.weight.cwiseAbs().maxCoeff(), 0.0);
+  EXPECT_EQ(
+      detail::averaged_normals(points, triangles, graph.topology.ring, 2).cwiseAbs().maxCoeff(),
+      0.0);
+}
+
+}  // namespace
+}  // namespace dupin
