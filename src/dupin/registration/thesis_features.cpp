@@ -1,0 +1,170 @@
+#include "dupin/registration/thesis_features.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
+#include "dupin/math/symmetric3.h"
+#include "dupin/scalespace/diffusion_operator.h"
+#include "dupin/scalespace/scale_space.h"
+
+namespace dupin {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+void check(const ThesisFeatureOptions& options) {
+  validate(options.schedule);
+  if (!(options.min_contrast >= 0.0)) throw InvalidArgument("min_contrast must be >= 0");
+  if (options.max_features < 0) throw InvalidArgument("max_features must be >= 0");
+  if (!std::isfinite(options.neighborhood) || !(options.neighborhood > 0.0)) {
+    throw InvalidArgument("neighborhood must be finite and > 0");
+  }
+}
+
+// The vertices within `radius` of `center` that can be reached through such vertices, ascending.
+std::vector<std::int32_t> connected_ball(const SurfaceGraph& graph, std::int32_t center,
+                                         double radius) {
+  std::vector<std::int32_t> ball{center};
+  std::vector<std::int32_t> front{center};
+  const Eigen::RowVector3d middle = graph.points.row(center);
+  while (!front.empty()) {
+    std::vector<std::int32_t> next;
+    for (const std::int32_t v : front) {
+      for (const std::int32_t* n = graph.topology.ring.begin(v); n != graph.topology.ring.end(v);
+           ++n) {
+        if ((graph.points.row(*n) - middle).norm() <= radius) next.push_back(*n);
+      }
+    }
+    std::sort(next.begin(), next.end());
+    next.erase(std::unique(next.begin(), next.end()), next.end());
+    front.clear();
+    std::set_difference(next.begin(), next.end(), ball.begin(), ball.end(),
+                        std::back_inserter(front));
+    std::vector<std::int32_t> merged;
+    merged.reserve(ball.size() + front.size());
+    std::merge(ball.begin(), ball.end(), front.begin(), front.end(), std::back_inserter(merged));
+    ball.swap(merged);
+  }
+  return ball;
+}
+
+ThesisFeature describe(const SurfaceGraph& graph, const LevelMatrix& loc, double factor,
+                       const Keypoint& keypoint, double neighborhood) {
+  ThesisFeature feature;
+  feature.keypoint = keypoint;
+  feature.position = graph.points.row(keypoint.vertex);
+  feature.radius = neighborhood * keypoint.radius;
+  const std::vector<std::int32_t> ball = connected_ball(graph, keypoint.vertex, feature.radius);
+  Points points(static_cast<Index>(ball.size()), 3);
+  VectorXd weights(points.rows());
+  feature.values.resize(ball.size());
+  for (Index i = 0; i < points.rows(); ++i) {
+    const std::int32_t v = ball[static_cast<std::size_t>(i)];
+    points.row(i) = graph.points.row(v);
+    weights[i] = loc(keypoint.level, v);
+    feature.values[static_cast<std::size_t>(i)] = factor * weights[i] * keypoint.radius;
+  }
+  std::sort(feature.values.begin(), feature.values.end());
+  feature.frame = principal_frame(points, weights, graph.normals.row(keypoint.vertex));
+  return feature;
+}
+
+}  // namespace
+
+Eigen::Matrix3d principal_frame(const Points& points, const VectorXd& weights,
+                                const Eigen::RowVector3d& normal) {
+  if (points.rows() != weights.size()) throw InvalidArgument("points and weights differ in size");
+  const auto is_finite = [](double x) { return std::isfinite(x); };
+  if (!std::all_of(points.data(), points.data() + points.size(), is_finite) ||
+      !std::all_of(weights.data(), weights.data() + weights.size(), is_finite)) {
+    throw InvalidArgument("points and weights must be finite");
+  }
+  if (points.rows() == 0) return Eigen::Matrix3d::Identity();
+  VectorXd share = weights.cwiseAbs();
+  const double largest = share.maxCoeff();
+  share = largest > 0.0 ? VectorXd(share / largest) : VectorXd::Ones(share.size());
+  share /= share.sum();
+  const Eigen::RowVector3d mean = share.transpose() * points;
+  Points centered = points.rowwise() - mean;
+  const double size = centered.cwiseAbs().maxCoeff();
+  if (size > 0.0) centered /= size;
+  const Eigen::Matrix3d covariance =
+      centered.transpose() * (centered.array().colwise() * share.array()).matrix();
+  const SymmetricEigen3 eigen = eigen_symmetric(covariance);
+  Index along = 0;
+  (normal * eigen.vectors).cwiseAbs().maxCoeff(&along);
+  Eigen::Matrix3d frame;
+  frame.col(0) = eigen.vectors.col(along == 2 ? 1 : 2);
+  frame.col(2) = eigen.vectors.col(along);
+  if (normal.dot(frame.col(2)) < 0.0) frame.col(2) *= -1.0;
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  return frame;
+}
+
+VectorXd loc_histogram(const std::vector<double>& values, double range, int bins) {
+  if (bins < 1) throw InvalidArgument("bins must be >= 1");
+  if (!std::isfinite(range) || !(range > 0.0)) {
+    throw InvalidArgument("range must be finite and > 0");
+  }
+  VectorXd histogram = VectorXd::Zero(bins);
+  if (values.empty()) return histogram;
+  const double width = 2.0 / bins;
+  for (const double value : values) {
+    const double place = (std::clamp(value / range, -1.0, 1.0) + 1.0) / width;
+    histogram[std::min<Index>(static_cast<Index>(place), bins - 1)] += 1.0;
+  }
+  histogram /= static_cast<double>(values.size());
+  for (Index b = 0; b < histogram.size(); ++b) {
+    histogram[b] *= (static_cast<double>(b) + 0.5) * width - 1.0;
+  }
+  return histogram;
+}
+
+ThesisFeatures describe_by_thesis(const SurfaceGraph& graph, const ThesisFeatureOptions& options,
+                                  RunControl run) {
+  check(options);
+  ThesisFeatures result;
+  const auto cancelled = [&] {
+    if (run.cancelled()) result = {Status::cancelled, {}};
+    return run.cancelled();
+  };
+  if (graph.points.rows() == 0) return result;
+  const VectorXd signal = compute_signal(graph, options.signal, 6, run);
+  if (cancelled()) return result;
+  ScaleSpaceOptions stack;
+  stack.schedule = options.schedule;
+  stack.want_levels = false;
+  const ScaleSpace space = compute_scale_space(
+      umbrella_operator(graph.topology.ring, &graph.topology), signal, stack, run.stage(0.0, 0.8));
+  if (cancelled()) return result;
+  KeypointOptions keypoints;
+  keypoints.rule = options.rule;
+  keypoints.min_contrast = options.min_contrast;
+  keypoints.contrast_power = options.signal == Signal::gauss ? 2 : 1;
+  keypoints.top = options.max_features;
+  keypoints.level = std::clamp(keypoints.level, 1, options.schedule.num_levels - 2);
+  const KeypointSet set =
+      find_keypoints(graph, space.loc, options.schedule, signal.cwiseAbs().maxCoeff(), keypoints,
+                     run.stage(0.8, 0.9));
+  if (cancelled()) return result;
+  const VectorXd factors = response_factors(options.schedule, ScaleMeasure::exact);
+  result.features.resize(set.keypoints.size());
+  parallel_for(0, static_cast<Index>(set.keypoints.size()), 1, [&](Index first, Index last) {
+    for (Index i = first; i < last && !run.cancelled(); ++i) {
+      const Keypoint& keypoint = set.keypoints[static_cast<std::size_t>(i)];
+      result.features[static_cast<std::size_t>(i)] =
+          describe(graph, space.loc, factors[keypoint.level], keypoint, options.neighborhood);
+    }
+  });
+  if (cancelled()) return result;
+  run.report(1.0);
+  return result;
+}
+
+}  // namespace dupin
