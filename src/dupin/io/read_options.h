@@ -24,7 +24,7 @@ struct ReadOptions {
   std::string stdin_format = {};
   bool drop_nonfinite = false;  ///< leave NaN and Inf in the points for heal() to drop
   double max_depth_jump =
-      0.0;  ///< range grids: longest edge kept [mu]; 0: from the grid (see range_grid.h)
+      0.0;  ///< range grids: longest edge kept [mu]; 0: from the grid (see mesh/range_grid.h)
 };
 
 }  // namespace dupin

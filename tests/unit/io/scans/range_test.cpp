@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "dupin/io/range_grid.h"
+#include "dupin/mesh/range_grid.h"
 #include "tests/unit/io/scans/scan_files.h"
 
 namespace dupin {

@@ -1,4 +1,4 @@
-#include "dupin/io/range_grid.h"
+#include "dupin/mesh/range_grid.h"
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@ namespace {
 constexpr double kDepthJumpInMedianEdges = 5.0;
 
 void validate(const RangeGrid& grid, const RangeGridOptions& options) {
-  if (!(options.max_depth_jump >= 0.0) || !std::isfinite(options.max_depth_jump)) {
+  if (!std::isfinite(options.max_depth_jump) || !(options.max_depth_jump >= 0.0)) {
     throw InvalidArgument("max_depth_jump must be finite and >= 0");
   }
   if (grid.rows < 0 || grid.cols < 0 ||
