@@ -13,6 +13,7 @@
 #include "dupin/mesh/shapes.h"
 #include "dupin/mesh/topology.h"
 #include "surface_input.h"
+#include "synth_views.h"
 
 namespace dupin::cli {
 namespace {
@@ -151,6 +152,7 @@ void add_synth(CLI::App& app, Context& context) {
   surface->add_option("--format", request->format, "Format of standard output, for -o -")
       ->check(CLI::IsMember(surface_extensions()));
   surface->callback([request, &context] { synth_surface(context, *request); });
+  add_synth_views(*verb, context);
 }
 
 }  // namespace dupin::cli

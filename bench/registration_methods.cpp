@@ -1,0 +1,115 @@
+#include "bench/registration_methods.h"
+
+#include <ctime>
+#include <utility>
+
+#include "dupin/base/error.h"
+#include "dupin/registration/thesis_registration.h"
+#include "dupin/surface/surface_graph.h"
+
+#if __has_include("dupin/registration/register.h")
+#include "dupin/registration/register.h"
+#define DUPIN_HAS_REGISTER_SCANS 1
+#endif
+#if __has_include("dupin/registration/robust_pose.h")
+#include "dupin/registration/robust_pose.h"
+#define DUPIN_HAS_ROBUST_POSE 1
+#endif
+
+namespace dupin::bench {
+namespace {
+
+SurfaceGraph graph_of(const Mesh& part, bool is_cloud) {
+  return is_cloud ? surface_graph(PointCloud{part.points, {}}) : surface_graph(part);
+}
+
+// Real scans have no faces on either side.
+bool is_bare(const Mesh& part) { return part.triangles.rows() == 0; }
+
+#ifdef DUPIN_HAS_REGISTER_SCANS
+ScanFeatures features_of(const Mesh& part, bool is_cloud) {
+  return is_cloud ? describe_scan(PointCloud{part.points, {}}) : describe_scan(part);
+}
+#endif
+
+// Runs `work` and counts its CPU seconds; data on which a method cannot work are a refusal.
+Answer timed(const std::function<void(Answer&)>& work) {
+  Answer answer;
+  const double start = cpu_seconds();
+  try {
+    work(answer);
+  } catch (const AnalysisError&) {
+    answer.is_accepted = false;
+  }
+  answer.seconds = cpu_seconds() - start;
+  return answer;
+}
+
+Answer by_thesis(const test::ScanPair& pair, bool is_cloud, Signal signal) {
+  return timed([&](Answer& answer) {
+    ThesisRegistrationOptions options;
+    options.features.signal = signal;
+    const ThesisRegistration found = register_by_thesis(graph_of(pair.moving, is_bare(pair.moving)),
+                                                        graph_of(pair.fixed, is_cloud), options);
+    answer.is_accepted = found.is_found;
+    answer.pose = found.pose;
+  });
+}
+
+}  // namespace
+
+double cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+std::vector<Method> registration_methods() {
+  std::vector<Method> methods;
+#ifdef DUPIN_HAS_REGISTER_SCANS
+  methods.push_back({"dupin", false, [](const test::ScanPair& pair, bool is_cloud) {
+                       return timed([&](Answer& answer) {
+                         const RegistrationResult found =
+                             register_scans(features_of(pair.moving, is_bare(pair.moving)),
+                                            features_of(pair.fixed, is_cloud));
+                         answer.is_accepted = found.accepted;
+                         answer.pose = found.pose;
+                       });
+                     }});
+#endif
+  methods.push_back({"thesis 5.5, height", true, [](const test::ScanPair& pair, bool is_cloud) {
+                       return by_thesis(pair, is_cloud, Signal::height);
+                     }});
+  methods.push_back({"thesis 5.5, Taubin's H", true, [](const test::ScanPair& pair, bool is_cloud) {
+                       return by_thesis(pair, is_cloud, Signal::mean);
+                     }});
+  return methods;
+}
+
+std::vector<PoseEstimator> pose_estimators() {
+  std::vector<PoseEstimator> estimators;
+  estimators.push_back({"least squares", [](const Points& from, const Points& to, double) {
+                          return timed([&](Answer& answer) {
+                            answer.pose = fit_pose(from, to);
+                            answer.is_accepted = true;
+                          });
+                        }});
+#ifdef DUPIN_HAS_ROBUST_POSE
+  for (const bool with_scale : {false, true}) {
+    estimators.push_back({with_scale ? "dupin, unknown scale" : "dupin",
+                          [with_scale](const Points& from, const Points& to, double noise_bound) {
+                            return timed([&](Answer& answer) {
+                              RobustPoseOptions options;
+                              options.noise_bound = noise_bound;
+                              options.with_scale = with_scale;
+                              const RobustPose found = robust_pose(from, to, options);
+                              answer.pose = found.pose;
+                              answer.is_accepted = found.is_found;
+                            });
+                          }});
+  }
+#endif
+  return estimators;
+}
+
+}  // namespace dupin::bench
