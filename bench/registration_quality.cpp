@@ -25,8 +25,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/registration_methods.h"
-#include "bench/registration_pairs.h"
+#include "bench/registration/methods.h"
+#include "bench/registration/pairs.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"

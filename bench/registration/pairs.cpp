@@ -1,4 +1,4 @@
-#include "bench/registration_pairs.h"
+#include "bench/registration/pairs.h"
 
 #include <Eigen/Geometry>
 #include <cstdio>

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/registration_pairs.h"
+#include "bench/registration/pairs.h"
 #include "dupin/registration/pose.h"
 
 namespace dupin::bench {

@@ -1,4 +1,4 @@
-#include "bench/registration_methods.h"
+#include "bench/registration/methods.h"
 
 #include <ctime>
 #include <utility>
