@@ -141,7 +141,8 @@ ThesisFeatures describe_by_thesis(const SurfaceGraph& graph, const ThesisFeature
   stack.schedule = options.schedule;
   stack.want_levels = false;
   const ScaleSpace space = compute_scale_space(
-      umbrella_operator(graph.topology.ring, &graph.topology), signal, stack, run.stage(0.0, 0.8));
+      umbrella_operator(graph.topology.ring, graph.is_mesh() ? &graph.topology : nullptr), signal,
+      stack, run.stage(0.0, 0.8));
   if (cancelled()) return result;
   KeypointOptions keypoints;
   keypoints.rule = options.rule;

@@ -206,6 +206,17 @@ TEST(ThesisRegistration, BringsPartialScansTogether) {
   }
 }
 
+// Bare points are described through their neighbour graph.
+TEST(ThesisRegistration, TakesPointClouds) {
+  const Pose truth = test::random_pose(3.0, 1.0, 21);
+  const SurfaceGraph here = surface_graph(PointCloud{bumpy().points, {}});
+  const SurfaceGraph there =
+      surface_graph(PointCloud{transformed(bumpy().points, inverse(truth)), {}});
+  const ThesisRegistration found = register_by_thesis(there, here);
+  ASSERT_TRUE(found.is_found);
+  EXPECT_LT(rotation_angle(found.pose.rotation, truth.rotation), 1e-8);
+}
+
 // Tangents have no orientation: turning v_1 or v_2 of any feature over must not matter, bit for
 // bit, since all signs are tried on both sides.
 TEST(ThesisRegistration, TriesAllSigns) {
