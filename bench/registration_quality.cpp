@@ -300,7 +300,7 @@ std::vector<RealPair> real_pairs(const std::string& directory) {
                    true, read_pose(lidar + "T_target_source.txt")});
   const std::string bunny = directory + "/bunny_views/";
   const Mesh view = read_points(bunny + "bun0.pcd");
-  pairs.push_back({"bunny view, turned by hand", read_points(bunny + "bun4.pcd"), view, false, {}});
+  pairs.push_back({"two views of the bunny", read_points(bunny + "bun4.pcd"), view, false, {}});
   pairs.push_back({"bunny and milk carton (nothing to find)",
                    read_points(bunny + "milk.pcd"),
                    view,
