@@ -4,9 +4,9 @@
 #include "dupin/base/error.h"
 #include "dupin/io/formats.h"
 #include "dupin/io/little_endian.h"
-#include "dupin/mesh/range_grid.h"
 #include "dupin/io/reader_tools.h"
 #include "dupin/io/text_scanner.h"
+#include "dupin/mesh/range_grid.h"
 
 namespace dupin::detail {
 namespace {
