@@ -4,17 +4,10 @@
 #include <utility>
 
 #include "dupin/base/error.h"
+#include "dupin/registration/register.h"
+#include "dupin/registration/robust_pose.h"
 #include "dupin/registration/thesis_registration.h"
 #include "dupin/surface/surface_graph.h"
-
-#if __has_include("dupin/registration/register.h")
-#include "dupin/registration/register.h"
-#define DUPIN_HAS_REGISTER_SCANS 1
-#endif
-#if __has_include("dupin/registration/robust_pose.h")
-#include "dupin/registration/robust_pose.h"
-#define DUPIN_HAS_ROBUST_POSE 1
-#endif
 
 namespace dupin::bench {
 namespace {
@@ -26,11 +19,9 @@ SurfaceGraph graph_of(const Mesh& part, bool is_cloud) {
 // Real scans have no faces on either side.
 bool is_bare(const Mesh& part) { return part.triangles.rows() == 0; }
 
-#ifdef DUPIN_HAS_REGISTER_SCANS
 ScanFeatures features_of(const Mesh& part, bool is_cloud) {
   return is_cloud ? describe_scan(PointCloud{part.points, {}}) : describe_scan(part);
 }
-#endif
 
 // Runs `work` and counts its CPU seconds; data on which a method cannot work are a refusal.
 Answer timed(const std::function<void(Answer&)>& work) {
@@ -66,7 +57,6 @@ double cpu_seconds() {
 
 std::vector<Method> registration_methods() {
   std::vector<Method> methods;
-#ifdef DUPIN_HAS_REGISTER_SCANS
   methods.push_back({"dupin", false, [](const test::ScanPair& pair, bool is_cloud) {
                        return timed([&](Answer& answer) {
                          const RegistrationResult found =
@@ -76,7 +66,6 @@ std::vector<Method> registration_methods() {
                          answer.pose = found.pose;
                        });
                      }});
-#endif
   methods.push_back({"thesis 5.5, height", true, [](const test::ScanPair& pair, bool is_cloud) {
                        return by_thesis(pair, is_cloud, Signal::height);
                      }});
@@ -94,7 +83,6 @@ std::vector<PoseEstimator> pose_estimators() {
                             answer.is_accepted = true;
                           });
                         }});
-#ifdef DUPIN_HAS_ROBUST_POSE
   for (const bool with_scale : {false, true}) {
     estimators.push_back({with_scale ? "dupin, unknown scale" : "dupin",
                           [with_scale](const Points& from, const Points& to, double noise_bound) {
@@ -108,7 +96,6 @@ std::vector<PoseEstimator> pose_estimators() {
                             });
                           }});
   }
-#endif
   return estimators;
 }
 
