@@ -12,6 +12,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
+#include "register_verb.h"
 #include "surface_input.h"
 
 namespace {
@@ -60,6 +61,7 @@ void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_scalespace(app, context);
   dupin::cli::add_keypoints(app, context);
   dupin::cli::add_crest(app, context);
+  dupin::cli::add_register(app, context);
   dupin::cli::add_render(app, context);
   dupin::cli::add_mls(app, context);
   dupin::cli::add_synth(app, context);

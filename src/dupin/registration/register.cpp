@@ -204,7 +204,7 @@ class Search {
         detail::search_poses(moving_, fixed_, matches_, search, run_.stage(0.5, 0.6));
     if (options_.try_given_pose) {
       PoseHypothesis given;
-      given.pose.scale = options_.scale;
+      given.pose = options_.given_pose;
       given.is_flipped = is_flipped;
       found.push_back(given);
     }

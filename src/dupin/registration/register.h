@@ -29,7 +29,8 @@ struct RegistrationOptions {
   double max_rotation = 4.0;    ///< [rad]; > pi: any
   bool refine = true;           ///< ICP; false: the pose that the features agree on
   double min_confidence = 0.5;  ///< of an accepted pose, in [0, 1]
-  bool try_given_pose = true;   ///< also start from where the scans are
+  bool try_given_pose = true;   ///< also start from `given_pose`: where the scans are
+  Pose given_pose;
 };
 
 /// How two surfaces lie on each other in one pose.

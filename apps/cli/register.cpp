@@ -1,0 +1,267 @@
+#include "dupin/registration/register.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <string>
+
+#include "context.h"
+#include "dupin/base/error.h"
+#include "dupin/io/surface_io.h"
+#include "register_verb.h"
+#include "surface_input.h"
+
+namespace dupin::cli {
+namespace {
+
+using Eigen::Index;
+using Json = nlohmann::ordered_json;
+
+struct RegisterRequest {
+  std::string moving;
+  std::string fixed;
+  std::string output;
+  std::string fused;
+  std::string scale = "estimate";
+  std::string refine = "icp";
+  double max_rotation_deg = 180.0;
+  double min_confidence = 0.5;
+};
+
+struct Registered {
+  LoadedSurface moving;
+  LoadedSurface fixed;
+  RegistrationResult result;
+  Pose pose;  // between the inputs
+  double seconds = 0.0;
+};
+
+// x_input = unit x_local + shift.
+Pose to_input_pose(const LoadedSurface& surface) {
+  Pose pose;
+  pose.scale = surface.unit;
+  pose.translation =
+      (surface.points.row(0) - surface.unit * surface.graph.points.row(0)).transpose();
+  return pose;
+}
+
+ScanFeatures describe(const LoadedSurface& surface, const RunControl& run) {
+  const SurfaceGraph& graph = surface.graph;
+  if (graph.is_mesh()) return describe_scan(Mesh{graph.points, graph.triangles}, {}, run);
+  return describe_scan(PointCloud{graph.points, Points(0, 3)}, {}, run);
+}
+
+Registered solve(Context& context, const RegisterRequest& request) {
+  Registered found;
+  const auto start = std::chrono::steady_clock::now();
+  found.moving = load_surface(request.moving, context);
+  found.fixed = load_surface(request.fixed, context);
+  RegistrationOptions options;
+  options.estimate_scale = request.scale == "estimate";
+  options.scale = found.moving.unit / found.fixed.unit;
+  options.max_rotation =
+      request.max_rotation_deg >= 180.0 ? 4.0 : request.max_rotation_deg * std::numbers::pi / 180.0;
+  options.refine = request.refine == "icp";
+  options.min_confidence = request.min_confidence;
+  const ScanFeatures moving = describe(found.moving, context.run.stage(0.1, 0.3));
+  const ScanFeatures fixed = describe(found.fixed, context.run.stage(0.3, 0.5));
+  context.run.throw_if_cancelled();
+  // The poses that the scans came with, in local coordinates.
+  const Pose from_local = to_input_pose(found.moving);
+  const Pose to_local = inverse(to_input_pose(found.fixed));
+  options.given_pose = compose(to_local, from_local);
+  found.result = register_scans(moving, fixed, options, context.run.stage(0.5, 1.0));
+  context.run.throw_if_cancelled();
+  found.pose = compose(inverse(to_local), compose(found.result.pose, inverse(from_local)));
+  require_range(found.pose.translation.array().isFinite().all() && std::isfinite(found.pose.scale),
+                "the pose", request.moving);
+  found.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return found;
+}
+
+const char* refusal_name(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::none:
+      return "none";
+    case Refusal::no_features:
+      return "no_features";
+    case Refusal::no_overlap:
+      return "no_overlap";
+    case Refusal::undetermined:
+      return "undetermined";
+    case Refusal::contradicted:
+      return "contradicted";
+    case Refusal::rotation:
+      return "rotation";
+  }
+  return "none";
+}
+
+const char* refusal_sentence(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::none:
+      return "accepted";
+    case Refusal::no_features:
+      return "nothing in one scan resembles anything in the other";
+    case Refusal::no_overlap:
+      return "the scans do not lie on each other in any pose tried";
+    case Refusal::undetermined:
+      return "the scans slide or turn on each other freely";
+    case Refusal::contradicted:
+      return "the scans cross where both saw the surface";
+    case Refusal::rotation:
+      return "the pose turns by more than --max-rotation";
+  }
+  return "";
+}
+
+Json matrix_of(const Pose& pose) {
+  Json rows = Json::array();
+  for (Index r = 0; r < 3; ++r) {
+    Json row = Json::array();
+    for (Index c = 0; c < 3; ++c) row.push_back(pose.scale * pose.rotation(r, c));
+    row.push_back(pose.translation[r]);
+    rows.push_back(row);
+  }
+  rows.push_back({0.0, 0.0, 0.0, 1.0});
+  return rows;
+}
+
+Json document_of(const Registered& found) {
+  const RegistrationResult& result = found.result;
+  const PoseFit& fit = result.best.fit;
+  Json rotation = Json::array();
+  for (Index r = 0; r < 3; ++r) {
+    rotation.push_back(
+        {found.pose.rotation(r, 0), found.pose.rotation(r, 1), found.pose.rotation(r, 2)});
+  }
+  Json pairs = Json::array();
+  for (const FeaturePair& pair : result.correspondences) {
+    pairs.push_back({found.moving.input_vertex[static_cast<std::size_t>(pair.moving)],
+                     found.fixed.input_vertex[static_cast<std::size_t>(pair.fixed)]});
+  }
+  const double degrees = 180.0 / std::numbers::pi;
+  const double turn = std::sqrt(std::max(0.0, result.covariance.topLeftCorner<3, 3>().trace()));
+  const double shift =
+      std::sqrt(std::max(0.0, result.covariance.block<3, 3>(3, 3).trace())) * found.fixed.unit;
+  return {{"accepted", result.accepted},
+          {"refusal", refusal_name(result.refusal)},
+          {"transform", matrix_of(found.pose)},
+          {"scale", found.pose.scale},
+          {"rotation", rotation},
+          {"translation",
+           {found.pose.translation[0], found.pose.translation[1], found.pose.translation[2]}},
+          {"overlap", fit.overlap_moving},
+          {"overlap_fixed", fit.overlap_fixed},
+          {"conflict", fit.conflict},
+          {"rmse", fit.rmse * found.fixed.unit},
+          {"inliers", fit.num_pairs},
+          {"correspondences", pairs},
+          {"confidence", result.best.confidence},
+          {"rotation_sd", turn * degrees},
+          {"translation_sd", shift},
+          {"scale_sd", std::sqrt(std::max(0.0, result.covariance(6, 6))) * found.pose.scale},
+          {"alternatives", result.alternatives.size()},
+          {"seconds", found.seconds},
+          {"warnings",
+           {{"moving", to_json(found.moving.warnings)}, {"fixed", to_json(found.fixed.warnings)}}}};
+}
+
+SurfaceOutput aligned(const Registered& found) {
+  SurfaceOutput out;
+  out.points = transformed(found.moving.points, found.pose);
+  out.triangles = found.moving.graph.triangles;
+  return out;
+}
+
+SurfaceOutput fused(const Registered& found) {
+  SurfaceOutput out = aligned(found);
+  const Index first = out.points.rows();
+  const Points& fixed = found.fixed.points;
+  out.points.conservativeResize(first + fixed.rows(), 3);
+  out.points.bottomRows(fixed.rows()) = fixed;
+  const Triangles& triangles = found.fixed.graph.triangles;
+  const Index faces = out.triangles.rows();
+  out.triangles.conservativeResize(faces + triangles.rows(), 3);
+  out.triangles.bottomRows(triangles.rows()) = triangles.array() + static_cast<std::int32_t>(first);
+  Eigen::VectorXd scan = Eigen::VectorXd::Zero(out.points.rows());
+  scan.tail(fixed.rows()).setOnes();
+  out.properties.push_back({"scan", scan, false});
+  return out;
+}
+
+void run_register(Context& context, const RegisterRequest& request) {
+  if (request.moving == "-" && request.fixed == "-")
+    throw InvalidArgument("only one of the scans can be standard input");
+  for (const std::string& path : {request.output, request.fused}) {
+    if (!path.empty()) surface_format_of(path);
+  }
+  Registered found;
+  with_progress(context, "register", [&] {
+    found = solve(context, request);
+    if (!request.output.empty())
+      write_surface(request.output, aligned(found), surface_format_of(request.output));
+    if (!request.fused.empty())
+      write_surface(request.fused, fused(found), surface_format_of(request.fused));
+  });
+  if (!found.result.accepted) context.exit_code = static_cast<int>(Errc::negative);
+  context.print_json(document_of(found));
+  if (context.json) return;
+  const PoseFit& fit = found.result.best.fit;
+  context.say(fmt::format("{}: {}", found.result.accepted ? "registered" : "not registered",
+                          refusal_sentence(found.result.refusal)));
+  for (Index r = 0; r < 3; ++r) {
+    context.say(fmt::format(
+        "  {:12.8f} {:12.8f} {:12.8f} {:14.8g}", found.pose.scale * found.pose.rotation(r, 0),
+        found.pose.scale * found.pose.rotation(r, 1), found.pose.scale * found.pose.rotation(r, 2),
+        found.pose.translation[r]));
+  }
+  context.say(fmt::format(
+      "scale {:.6g}, overlap {:.1f} % of moving and {:.1f} % of fixed, apart {:.1f} % of what both "
+      "saw, rmse {:.4g}, confidence {:.3f}",
+      found.pose.scale, 100.0 * fit.overlap_moving, 100.0 * fit.overlap_fixed, 100.0 * fit.conflict,
+      fit.rmse * found.fixed.unit, found.result.best.confidence));
+  if (!found.result.alternatives.empty()) {
+    context.say(fmt::format("{} other poses fit as well: the object is symmetric",
+                            found.result.alternatives.size()));
+  }
+}
+
+}  // namespace
+
+void add_register(CLI::App& app, Context& context) {
+  CLI::App* verb = app.add_subcommand("register", "Pose of one partial scan on another");
+  verb->footer(
+      "Examples:\n  dupin register left.ply right.ply -o left_aligned.ply\n"
+      "  dupin register photo_scan.obj lidar.ply --fused both.ply --json\n\n"
+      "Exit code 1: no pose was accepted; the best candidate is still told.");
+  add_global_options(*verb, context);
+  auto request = std::make_shared<RegisterRequest>();
+  verb->add_option("MOVING", request->moving, "Scan to move; - reads standard input")->required();
+  verb->add_option("FIXED", request->fixed, "Scan that stays")->required();
+  verb->add_option("--scale", request->scale,
+                   "estimate: the scans may have different units; fixed: they have one")
+      ->check(CLI::IsMember({"estimate", "fixed"}))
+      ->capture_default_str();
+  verb->add_option("--refine", request->refine, "icp, or none: what the features say")
+      ->check(CLI::IsMember({"icp", "none"}))
+      ->capture_default_str();
+  verb->add_option("--max-rotation", request->max_rotation_deg,
+                   "Refuse poses that turn by more [degrees]")
+      ->check(in_range(0.0, 180.0))
+      ->capture_default_str();
+  verb->add_option("--min-confidence", request->min_confidence, "Refuse poses less sure than this")
+      ->check(in_range(0.0, 1.0))
+      ->capture_default_str();
+  verb->add_option("-o,--output", request->output,
+                   "MOVING in the frame of FIXED: .ply, .obj, .off, .stl or .glb");
+  verb->add_option("--fused", request->fused,
+                   "Both scans in one file, with a property \"scan\" in PLY");
+  add_input_format(*verb, context);
+  verb->callback([request, &context] { run_register(context, *request); });
+}
+
+}  // namespace dupin::cli

@@ -1,0 +1,10 @@
+#pragma once
+
+#include "context.h"
+
+namespace dupin::cli {
+
+/// `dupin register`, as the functions at the end of context.h.
+void add_register(CLI::App& app, Context& context);
+
+}  // namespace dupin::cli

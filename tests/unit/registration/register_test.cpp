@@ -1,0 +1,222 @@
+#include "dupin/registration/register.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <numbers>
+
+#include "dupin/base/error.h"
+#include "dupin/base/parallel.h"
+#include "dupin/base/random.h"
+#include "dupin/mesh/shapes.h"
+#include "tests/support/scan_pair.h"
+
+namespace dupin {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// A body with bumps and dents of many sizes and no symmetry; `seed` makes different ones.
+Mesh rugged(std::uint64_t seed, Index vertices = 8'000) {
+  Mesh solid = make_sphere(1.0, vertices).mesh;
+  Rng rng(seed);
+  VectorXd radius = VectorXd::Ones(solid.points.rows());
+  for (int i = 0; i < 120; ++i) {
+    const Vector3d center = Vector3d(rng.normal(), rng.normal(), rng.normal()).normalized();
+    const double height = rng.uniform(-0.12, 0.12);
+    const double width = rng.uniform(0.1, 0.35);
+    radius.array() += height * ((solid.points * center).array() - 1.0).unaryExpr([&](double x) {
+      return std::exp(x / (width * width));
+    });
+  }
+  solid.points = solid.points.array().colwise() * radius.array();
+  solid.points.col(0) *= 1.4;
+  solid.points.col(1) *= 1.15;
+  return solid;
+}
+
+RegistrationOptions blind(bool estimate_scale) {
+  RegistrationOptions options;
+  options.estimate_scale = estimate_scale;
+  options.try_given_pose = false;
+  return options;
+}
+
+ScanFeatures as_cloud(const Mesh& mesh) {
+  PointCloud cloud;
+  cloud.points = mesh.points;
+  return describe_scan(cloud);
+}
+
+test::ScanPair make_pair(std::uint64_t seed, double overlap, double noise, double scale_range) {
+  test::ScanPairOptions options;
+  options.overlap = overlap;
+  options.noise_percent = noise;
+  options.scale_range = scale_range;
+  options.seed = seed;
+  return test::make_scan_pair(rugged(40 + seed), options);
+}
+
+// Two parts of a surface that share half of it, sampled at other places, with noise, in any pose:
+// the pose comes back within one degree and half a percent of the diameter, mesh on bare points and
+// mesh on mesh.
+TEST(Register, BringsPartialScansTogether) {
+  for (std::uint64_t seed = 0; seed < 4; ++seed) {
+    const test::ScanPair pair = make_pair(seed, 0.5, seed % 2 == 0 ? 0.0 : 30.0, 1.0);
+    const ScanFeatures moving = describe_scan(pair.moving);
+    const ScanFeatures fixed = seed < 2 ? as_cloud(pair.fixed) : describe_scan(pair.fixed);
+    const RegistrationResult result = register_scans(moving, fixed, blind(false));
+    EXPECT_TRUE(result.accepted) << seed;
+    const test::PoseError error = test::pose_error(result.pose, pair.truth, pair.moving.points);
+    EXPECT_LT(error.rotation_deg, 1.0) << seed;
+    EXPECT_LT(error.translation, 0.005 * pair.diameter) << seed;
+    EXPECT_NEAR(result.best.fit.overlap_moving, pair.overlap, 0.12) << seed;
+    EXPECT_GE(result.correspondences.size(), 3U) << seed;
+  }
+}
+
+// The unit of the moving scan is unknown: its scale comes back within half a percent.
+TEST(Register, FindsAnUnknownScale) {
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    const test::ScanPair pair = make_pair(seed, 0.6, 10.0, 100.0);
+    const RegistrationResult result =
+        register_scans(describe_scan(pair.moving), describe_scan(pair.fixed), blind(true));
+    EXPECT_TRUE(result.accepted) << seed;
+    const test::PoseError error = test::pose_error(result.pose, pair.truth, pair.moving.points);
+    EXPECT_LT(error.rotation_deg, 1.0) << seed;
+    EXPECT_LT(std::abs(error.scale), 0.005) << seed;
+  }
+}
+
+// Other objects, mirror images and parts that share nothing are refused, and the reason is told.
+TEST(Register, RefusesWhatDoesNotBelongTogether) {
+  const test::ScanPair pair = make_pair(1, 0.7, 0.0, 1.0);
+  const ScanFeatures moving = describe_scan(pair.moving);
+  const ScanFeatures other = describe_scan(rugged(99));
+  const RegistrationResult different = register_scans(moving, other, blind(true));
+  EXPECT_FALSE(different.accepted);
+  EXPECT_NE(different.refusal, Refusal::none);
+  const RegistrationResult mirror = register_scans(describe_scan(test::mirrored(pair.moving)),
+                                                   describe_scan(pair.fixed), blind(false));
+  EXPECT_FALSE(mirror.accepted);
+  const Mesh whole = rugged(41);
+  const Vector3d axis(0.3, 0.5, 1.0);
+  const ScanFeatures low = describe_scan(test::slice(whole, axis, 0.0, 0.35));
+  const ScanFeatures high = describe_scan(test::slice(whole, axis, 0.65, 1.0));
+  EXPECT_FALSE(register_scans(low, high, blind(false)).accepted);
+}
+
+// A sphere turns and a plane slides on its like: no pose is told as the right one.
+TEST(Register, RefusesWhatSlides) {
+  const ScanFeatures sphere = describe_scan(make_sphere(1.0, 4'000).mesh);
+  const RegistrationResult ball = register_scans(sphere, sphere, blind(false));
+  EXPECT_FALSE(ball.accepted);
+  Points points(2500, 3);
+  for (Index i = 0; i < 2500; ++i)
+    points.row(i) << static_cast<double>(i % 50), static_cast<double>(i / 50), 0.0;
+  PointCloud plane;
+  plane.points = points;
+  RegistrationOptions options = blind(false);
+  options.try_given_pose = true;
+  const ScanFeatures flat = describe_scan(plane);
+  const RegistrationResult slide = register_scans(flat, flat, options);
+  EXPECT_FALSE(slide.accepted);
+  EXPECT_EQ(slide.refusal, Refusal::undetermined);
+}
+
+// An ellipsoid fits on itself in four poses: the others are told.
+TEST(Register, TellsOtherPosesOfASymmetricBody) {
+  Mesh mesh = make_sphere(1.0, 6'000).mesh;
+  mesh.points.col(0) *= 1.8;
+  mesh.points.col(1) *= 1.35;
+  const ScanFeatures body = describe_scan(mesh);
+  const RegistrationResult result = register_scans(body, body, blind(false));
+  EXPECT_TRUE(result.accepted);
+  EXPECT_GE(result.alternatives.size(), 1U);
+  for (const PoseCandidate& other : result.alternatives) {
+    EXPECT_GT(rotation_angle(other.pose.rotation, result.pose.rotation), 0.5);
+    EXPECT_GT(other.fit.overlap_moving, 0.9);
+  }
+}
+
+// Turning the moving scan by Q turns the answer by Q^-1 (to the accuracy of the refinement: the
+// grids that thin and sample the scan do not turn with it).
+TEST(Register, FollowsTheScans) {
+  const test::ScanPair pair = make_pair(2, 0.6, 0.0, 1.0);
+  const ScanFeatures fixed = describe_scan(pair.fixed);
+  const RegistrationResult first = register_scans(describe_scan(pair.moving), fixed, blind(false));
+  Pose turn;
+  turn.rotation = rotation_of(Vector3d(0.5, 1.5, -0.7));
+  turn.translation = Vector3d(3.0, -1.0, 2.0);
+  Mesh moved = pair.moving;
+  moved.points = transformed(moved.points, turn);
+  const RegistrationResult second = register_scans(describe_scan(moved), fixed, blind(false));
+  ASSERT_TRUE(first.accepted && second.accepted);
+  const Pose expected = compose(first.pose, inverse(turn));
+  EXPECT_LT(rotation_angle(second.pose.rotation, expected.rotation), 2e-3);
+}
+
+// The same bits for any number of threads; a limit on the rotation is kept; cancelling ends it.
+TEST(Register, ThreadsLimitsAndCancellation) {
+  const test::ScanPair pair = make_pair(3, 0.6, 20.0, 1.0);
+  const int before = thread_count();
+  RegistrationResult results[2];
+  for (int k = 0; k < 2; ++k) {
+    set_thread_count(1 + 2 * k);
+    results[k] = register_scans(describe_scan(pair.moving), as_cloud(pair.fixed), blind(false));
+  }
+  set_thread_count(before);
+  EXPECT_EQ((results[0].pose.rotation - results[1].pose.rotation).norm(), 0.0);
+  EXPECT_EQ((results[0].pose.translation - results[1].pose.translation).norm(), 0.0);
+  EXPECT_EQ(results[0].best.confidence, results[1].best.confidence);
+
+  const ScanFeatures moving = describe_scan(pair.moving);
+  const ScanFeatures fixed = describe_scan(pair.fixed);
+  RegistrationOptions limited = blind(false);
+  limited.max_rotation = 1e-6;
+  EXPECT_EQ(register_scans(moving, fixed, limited).refusal, Refusal::rotation);
+  limited.min_confidence = 2.0;
+  EXPECT_THROW(register_scans(moving, fixed, limited), InvalidArgument);
+  EXPECT_THROW(describe_scan(PointCloud{Points::Zero(3, 3), Points(0, 3)}), AnalysisError);
+  const RunControl run = RunControl::create();
+  run.cancel();
+  EXPECT_EQ(register_scans(moving, fixed, blind(false), run).status, Status::cancelled);
+  EXPECT_EQ(describe_scan(pair.moving, {}, run).status, Status::cancelled);
+}
+
+// First order: over many draws of the noise the pose scatters as its covariance says, within a
+// factor that forty draws of six parameters leave (their mean of chi^2 / 6 has deviation .09), and
+// what patches take from noise of neighbouring points.
+TEST(Register, CovarianceIsTheScatterOfThePose) {
+  const Mesh solid = rugged(7, 5'000);
+  const double edge = 0.05;
+  double sum = 0.0;
+  const int runs = 40;
+  Rng rng(8);
+  for (int run = 0; run < runs; ++run) {
+    Mesh first = solid;
+    Mesh second = test::dual_mesh(solid);
+    for (Points* points : {&first.points, &second.points}) {
+      for (Index i = 0; i < points->size(); ++i) points->data()[i] += 0.2 * edge * rng.normal();
+    }
+    RegistrationOptions options;
+    options.estimate_scale = false;  // the truth is the identity: start there
+    const RegistrationResult result =
+        register_scans(describe_scan(first), describe_scan(second), options);
+    ASSERT_TRUE(result.accepted);
+    const Eigen::AngleAxisd turn(result.pose.rotation);
+    Eigen::Matrix<double, 6, 1> error;
+    error.head<3>() = turn.angle() * turn.axis();
+    error.tail<3>() =
+        result.pose.rotation * result.center + result.pose.translation - result.center;
+    sum += error.dot(result.covariance.topLeftCorner<6, 6>().ldlt().solve(error)) / 6.0;
+  }
+  EXPECT_GT(sum / runs, 0.5);
+  EXPECT_LT(sum / runs, 2.0);
+}
+
+}  // namespace
+}  // namespace dupin
