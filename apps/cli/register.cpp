@@ -170,25 +170,36 @@ Json document_of(const Registered& found) {
            {{"moving", to_json(found.moving.warnings)}, {"fixed", to_json(found.fixed.warnings)}}}};
 }
 
-SurfaceOutput aligned(const Registered& found) {
+// The scan with the vertices of its file.
+SurfaceOutput as_given(const LoadedSurface& surface) {
   SurfaceOutput out;
-  out.points = transformed(found.moving.points, found.pose);
-  out.triangles = found.moving.graph.triangles;
+  out.points = surface.input_points;
+  out.triangles = surface.graph.triangles;
+  for (Index i = 0; i < out.triangles.size(); ++i) {
+    std::int32_t& vertex = out.triangles.data()[i];
+    vertex = surface.input_vertex[static_cast<std::size_t>(vertex)];
+  }
+  return out;
+}
+
+SurfaceOutput aligned(const Registered& found) {
+  SurfaceOutput out = as_given(found.moving);
+  out.points = transformed(out.points, found.pose);
   return out;
 }
 
 SurfaceOutput fused(const Registered& found) {
   SurfaceOutput out = aligned(found);
+  const SurfaceOutput fixed = as_given(found.fixed);
   const Index first = out.points.rows();
-  const Points& fixed = found.fixed.points;
-  out.points.conservativeResize(first + fixed.rows(), 3);
-  out.points.bottomRows(fixed.rows()) = fixed;
-  const Triangles& triangles = found.fixed.graph.triangles;
   const Index faces = out.triangles.rows();
-  out.triangles.conservativeResize(faces + triangles.rows(), 3);
-  out.triangles.bottomRows(triangles.rows()) = triangles.array() + static_cast<std::int32_t>(first);
+  out.points.conservativeResize(first + fixed.points.rows(), 3);
+  out.points.bottomRows(fixed.points.rows()) = fixed.points;
+  out.triangles.conservativeResize(faces + fixed.triangles.rows(), 3);
+  out.triangles.bottomRows(fixed.triangles.rows()) =
+      fixed.triangles.array() + static_cast<std::int32_t>(first);
   Eigen::VectorXd scan = Eigen::VectorXd::Zero(out.points.rows());
-  scan.tail(fixed.rows()).setOnes();
+  scan.tail(fixed.points.rows()).setOnes();
   out.properties.push_back({"scan", scan, false});
   return out;
 }

@@ -19,9 +19,9 @@ struct KeypointUncertainty {
   std::optional<double> radius_sd;  ///< [mu]; absent where the scale is no peak of the response
   /// Share of sixteen replicas in which it is found again; absent without StackNoise::samples. A
   /// replica is the stack with .6 of one more noise added, searched as the stack was, but for
-  /// contrast, edges and number. Found again: a keypoint of the same kind within 1.5 mean edges, and
-  /// .15 more, up to 2.5, for every level that a track (KeypointRule::persistent) is longer than it
-  /// must be.
+  /// contrast, edges and number. Found again: a keypoint of the same kind within 1.5 mean edges,
+  /// and .15 more, up to 2.5, for every level that a track (KeypointRule::persistent) is longer
+  /// than it must be.
   std::optional<double> stability;
 };
 
