@@ -283,7 +283,7 @@ void add_crest(CLI::App& app, Context& context) {
       ->check(in_range(0.0, 1e300))
       ->capture_default_str();
   verb->add_option("--max-gap", options.max_gap, "Widest gap that is closed, in mean edges")
-      ->check(in_range(0.0, 1e300))
+      ->check(in_range(0.0, 100.0))
       ->capture_default_str();
   verb->add_option("--top", request->top, "Keep the N strongest; 0: all")
       ->check(CLI::Range(0, 1'000'000'000))

@@ -40,7 +40,7 @@ Scene crest_scene(const DemoAnalysis& analysis, const std::string& title, Drawn&
     polyline.points.resize(static_cast<Eigen::Index>(line.points.size()), 3);
     scales.emplace_back();
     for (std::size_t k = 0; k < line.points.size(); ++k) {
-      const detail::EdgeCrossing& c = line.points[k].edge;
+      const EdgeCrossing& c = line.points[k].edge;
       polyline.points.row(static_cast<Eigen::Index>(k)) =
           (1.0 - c.weight) * analysis.surface.points.row(c.a) +
           c.weight * analysis.surface.points.row(c.b);

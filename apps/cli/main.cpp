@@ -62,6 +62,7 @@ void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_keypoints(app, context);
   dupin::cli::add_crest(app, context);
   dupin::cli::add_register(app, context);
+  dupin::cli::add_register_all(app, context);
   dupin::cli::add_render(app, context);
   dupin::cli::add_mls(app, context);
   dupin::cli::add_synth(app, context);

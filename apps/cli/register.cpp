@@ -12,6 +12,7 @@
 #include "dupin/base/error.h"
 #include "dupin/io/surface_io.h"
 #include "register_verb.h"
+#include "registered_scan.h"
 #include "surface_input.h"
 
 namespace dupin::cli {
@@ -39,21 +40,6 @@ struct Registered {
   double seconds = 0.0;
 };
 
-// x_input = unit x_local + shift.
-Pose to_input_pose(const LoadedSurface& surface) {
-  Pose pose;
-  pose.scale = surface.unit;
-  pose.translation =
-      (surface.points.row(0) - surface.unit * surface.graph.points.row(0)).transpose();
-  return pose;
-}
-
-ScanFeatures describe(const LoadedSurface& surface, const RunControl& run) {
-  const SurfaceGraph& graph = surface.graph;
-  if (graph.is_mesh()) return describe_scan(Mesh{graph.points, graph.triangles}, {}, run);
-  return describe_scan(PointCloud{graph.points, Points(0, 3)}, {}, run);
-}
-
 Registered solve(Context& context, const RegisterRequest& request) {
   Registered found;
   const auto start = std::chrono::steady_clock::now();
@@ -61,18 +47,25 @@ Registered solve(Context& context, const RegisterRequest& request) {
   found.fixed = load_surface(request.fixed, context);
   RegistrationOptions options;
   options.estimate_scale = request.scale == "estimate";
-  options.scale = found.moving.unit / found.fixed.unit;
+  if (!options.estimate_scale) {
+    options.scale = found.moving.unit / found.fixed.unit;
+    require_range(std::isfinite(options.scale) && options.scale > 0.0, "the ratio of the sizes",
+                  request.moving);
+  }
   options.max_rotation =
       request.max_rotation_deg >= 180.0 ? 4.0 : request.max_rotation_deg * std::numbers::pi / 180.0;
   options.refine = request.refine == "icp";
   options.min_confidence = request.min_confidence;
-  const ScanFeatures moving = describe(found.moving, context.run.stage(0.1, 0.3));
-  const ScanFeatures fixed = describe(found.fixed, context.run.stage(0.3, 0.5));
+  const ScanFeatures moving = describe_loaded(found.moving, 1.0, context.run.stage(0.1, 0.3));
+  const ScanFeatures fixed = describe_loaded(found.fixed, 1.0, context.run.stage(0.3, 0.5));
   context.run.throw_if_cancelled();
   // The poses that the scans came with, in local coordinates.
-  const Pose from_local = to_input_pose(found.moving);
-  const Pose to_local = inverse(to_input_pose(found.fixed));
+  const Pose from_local = local_to_input(found.moving);
+  const Pose to_local = inverse(local_to_input(found.fixed));
   options.given_pose = compose(to_local, from_local);
+  options.try_given_pose =
+      std::isfinite(options.given_pose.scale) && options.given_pose.scale > 0.0;
+  if (!options.try_given_pose) options.given_pose = Pose();
   found.result = register_scans(moving, fixed, options, context.run.stage(0.5, 1.0));
   context.run.throw_if_cancelled();
   found.pose = compose(inverse(to_local), compose(found.result.pose, inverse(from_local)));
@@ -94,6 +87,8 @@ const char* refusal_name(Refusal refusal) {
       return "undetermined";
     case Refusal::contradicted:
       return "contradicted";
+    case Refusal::unsure:
+      return "unsure";
     case Refusal::rotation:
       return "rotation";
   }
@@ -112,22 +107,12 @@ const char* refusal_sentence(Refusal refusal) {
       return "the scans slide or turn on each other freely";
     case Refusal::contradicted:
       return "the scans cross where both saw the surface";
+    case Refusal::unsure:
+      return "the scans rest on each other, but on too little to be sure";
     case Refusal::rotation:
       return "the pose turns by more than --max-rotation";
   }
   return "";
-}
-
-Json matrix_of(const Pose& pose) {
-  Json rows = Json::array();
-  for (Index r = 0; r < 3; ++r) {
-    Json row = Json::array();
-    for (Index c = 0; c < 3; ++c) row.push_back(pose.scale * pose.rotation(r, c));
-    row.push_back(pose.translation[r]);
-    rows.push_back(row);
-  }
-  rows.push_back({0.0, 0.0, 0.0, 1.0});
-  return rows;
 }
 
 Json document_of(const Registered& found) {
@@ -143,6 +128,10 @@ Json document_of(const Registered& found) {
     pairs.push_back({found.moving.input_vertex[static_cast<std::size_t>(pair.moving)],
                      found.fixed.input_vertex[static_cast<std::size_t>(pair.fixed)]});
   }
+  // Of a refused pose nothing is known.
+  const auto known = [&](double value) {
+    return number_or_null(result.accepted ? std::optional(value) : std::nullopt);
+  };
   const double degrees = 180.0 / std::numbers::pi;
   const double turn = std::sqrt(std::max(0.0, result.covariance.topLeftCorner<3, 3>().trace()));
   const double shift =
@@ -161,25 +150,13 @@ Json document_of(const Registered& found) {
           {"inliers", fit.num_pairs},
           {"correspondences", pairs},
           {"confidence", result.best.confidence},
-          {"rotation_sd", turn * degrees},
-          {"translation_sd", shift},
-          {"scale_sd", std::sqrt(std::max(0.0, result.covariance(6, 6))) * found.pose.scale},
+          {"rotation_sd", known(turn * degrees)},
+          {"translation_sd", known(shift)},
+          {"scale_sd", known(std::sqrt(std::max(0.0, result.covariance(6, 6))) * found.pose.scale)},
           {"alternatives", result.alternatives.size()},
           {"seconds", found.seconds},
           {"warnings",
            {{"moving", to_json(found.moving.warnings)}, {"fixed", to_json(found.fixed.warnings)}}}};
-}
-
-// The scan with the vertices of its file.
-SurfaceOutput as_given(const LoadedSurface& surface) {
-  SurfaceOutput out;
-  out.points = surface.input_points;
-  out.triangles = surface.graph.triangles;
-  for (Index i = 0; i < out.triangles.size(); ++i) {
-    std::int32_t& vertex = out.triangles.data()[i];
-    vertex = surface.input_vertex[static_cast<std::size_t>(vertex)];
-  }
-  return out;
 }
 
 SurfaceOutput aligned(const Registered& found) {
@@ -190,16 +167,9 @@ SurfaceOutput aligned(const Registered& found) {
 
 SurfaceOutput fused(const Registered& found) {
   SurfaceOutput out = aligned(found);
-  const SurfaceOutput fixed = as_given(found.fixed);
-  const Index first = out.points.rows();
-  const Index faces = out.triangles.rows();
-  out.points.conservativeResize(first + fixed.points.rows(), 3);
-  out.points.bottomRows(fixed.points.rows()) = fixed.points;
-  out.triangles.conservativeResize(faces + fixed.triangles.rows(), 3);
-  out.triangles.bottomRows(fixed.triangles.rows()) =
-      fixed.triangles.array() + static_cast<std::int32_t>(first);
-  Eigen::VectorXd scan = Eigen::VectorXd::Zero(out.points.rows());
-  scan.tail(fixed.points.rows()).setOnes();
+  Eigen::VectorXd scan = Eigen::VectorXd::Zero(out.points.rows() + found.fixed.input_points.rows());
+  scan.tail(found.fixed.input_points.rows()).setOnes();
+  append_scan(out, as_given(found.fixed), Pose());
   out.properties.push_back({"scan", scan, false});
   return out;
 }
@@ -257,7 +227,7 @@ void add_register(CLI::App& app, Context& context) {
                    "estimate: the scans may have different units; fixed: they have one")
       ->check(CLI::IsMember({"estimate", "fixed"}))
       ->capture_default_str();
-  verb->add_option("--refine", request->refine, "icp, or none: what the features say")
+  verb->add_option("--refine", request->refine, "icp, or none: only the rough steps of the search")
       ->check(CLI::IsMember({"icp", "none"}))
       ->capture_default_str();
   verb->add_option("--max-rotation", request->max_rotation_deg,

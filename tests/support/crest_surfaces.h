@@ -260,7 +260,7 @@ inline std::vector<TrueLine> lines_on(const Points& points, const std::vector<Cr
   for (const CrestLine& line : lines) {
     TrueLine on{line.kind, Points(static_cast<Eigen::Index>(line.points.size()), 3)};
     for (std::size_t i = 0; i < line.points.size(); ++i) {
-      const detail::EdgeCrossing& c = line.points[i].edge;
+      const EdgeCrossing& c = line.points[i].edge;
       on.points.row(static_cast<Eigen::Index>(i)) =
           (1.0 - c.weight) * points.row(c.a) + c.weight * points.row(c.b);
     }

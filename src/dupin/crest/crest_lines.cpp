@@ -11,13 +11,13 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/crest/line_assembly.h"
+#include "dupin/crest/ridge_segments.h"
 #include "dupin/crest/tensor_stack.h"
 
 namespace dupin {
 namespace {
 
 using detail::BendField;
-using detail::EdgeCrossing;
 using detail::RidgeSegments;
 using detail::TensorStack;
 using Eigen::Index;
@@ -159,7 +159,9 @@ std::optional<VectorXd> local_levels(const SurfaceGraph& graph, const ScaleChoic
   parallel_for(0, count, kGrain, [&](Index first, Index last) {
     for (Index v = first; v < last; ++v) {
       const Scale scale = choice.at_vertex(v);
-      const double value = choice.normalised(v, scale.level) * graph.mean_edge;
+      // Capped: only its ratios count, and single precision holds their sums then.
+      const double value =
+          std::min(choice.normalised(v, scale.level) * graph.mean_edge, detail::kLargestBend);
       weight[v] = value * value;
       level[v] = scale.drawn;
     }
@@ -176,7 +178,7 @@ std::optional<VectorXd> local_levels(const SurfaceGraph& graph, const ScaleChoic
   const double high = static_cast<double>(options.schedule.num_levels - 1);
   for (Index v = 0; v < count; ++v) {
     const auto total = static_cast<double>(below.levels(1, v));
-    if (total > 0.0)
+    if (total > 0.0 && std::isfinite(total))
       level[v] =
           std::clamp(static_cast<double>(above.levels(1, v)) / total, std::min(low, high), high);
   }

@@ -6,7 +6,7 @@
 
 #include "dupin/base/run_control.h"
 #include "dupin/base/status.h"
-#include "dupin/crest/ridge_segments.h"
+#include "dupin/crest/edge_crossing.h"
 #include "dupin/scalespace/filter_bank.h"
 #include "dupin/scalespace/level_schedule.h"
 #include "dupin/surface/surface_graph.h"
@@ -47,7 +47,7 @@ struct CrestOptions {
 /// A point of a crest line, on an edge of the mesh.
 struct CrestPoint {
   Eigen::RowVector3d position;  ///< [mu]
-  detail::EdgeCrossing edge;    ///< where on the mesh
+  EdgeCrossing edge;            ///< where on the mesh
   double level = 0.0;           ///< at which the line was drawn, possibly between two
   double scale_level = 0.0;     ///< of its scale, possibly between two
   double curvature = 0.0;       ///< k0, the principal curvature across: < 0 of a valley [1/mu]

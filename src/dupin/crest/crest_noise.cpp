@@ -10,13 +10,13 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
+#include "dupin/crest/ridge_segments.h"
 #include "dupin/crest/tensor_stack.h"
 
 namespace dupin {
 namespace {
 
 using detail::BendField;
-using detail::EdgeCrossing;
 using detail::TensorStack;
 using Eigen::Index;
 using std::size_t;

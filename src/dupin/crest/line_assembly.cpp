@@ -89,8 +89,11 @@ std::vector<std::ptrdiff_t> find_joins(const std::vector<Chain>& chains, double 
       const double distance = gap.norm();
       if (distance > max_gap) continue;
       const double facing = -ends[i].outward.dot(ends[j].outward);
+      // The two ends of a short piece face away from each other, and lie near: only the way
+      // between them tells that it does not go round.
+      const bool is_same_chain = ends[i].id() / 2 == ends[j].id() / 2;
       const double along =
-          distance > kAlongsideEdges * mean_edge
+          distance > kAlongsideEdges * mean_edge || (is_same_chain && distance > 0.0)
               ? std::min(ends[i].outward.dot(gap), -ends[j].outward.dot(gap)) / distance
               : 1.0;
       if (std::min(facing, along) < kLeastCosine) continue;

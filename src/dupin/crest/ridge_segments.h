@@ -4,15 +4,11 @@
 #include <cstdint>
 #include <vector>
 
+#include "dupin/crest/edge_crossing.h"
 #include "dupin/crest/tensor_stack.h"
 #include "dupin/surface/surface_graph.h"
 
-namespace dupin {
-
-/// Ridges are convex (k1 largest along its own direction), valleys concave (-k2 likewise).
-enum class CrestKind { ridge, valley };
-
-namespace detail {
+namespace dupin::detail {
 
 /// One principal curvature as crests see it: positive where it bends the way of its kind.
 struct BendField {
@@ -25,15 +21,6 @@ struct BendField {
 /// The bend of `kind` where vertex v is smoothed to level[v].
 BendField bend_field(const SurfaceGraph& graph, const TensorStack& stack,
                      const Eigen::VectorXd& level, const GradientStencil& stencil, CrestKind kind);
-
-/// Where a crest line crosses an edge: at (1 - weight) a + weight b, a < b.
-struct EdgeCrossing {
-  std::int32_t a = 0;
-  std::int32_t b = 0;
-  double weight = 0.0;
-  std::int32_t face = 0;   ///< one that the line runs across from here
-  double sharpness = 0.0;  ///< -<grad e, t> of that face [1/mu^3]
-};
 
 template <class Values>
 double interpolate(const Values& values, const EdgeCrossing& c) {
@@ -66,5 +53,4 @@ RidgeSegments find_ridge_segments(const SurfaceGraph& graph, const BendField& fi
 /// than two segments meet (on an edge with more than two faces) chains end.
 std::vector<std::vector<std::int32_t>> link_segments(const RidgeSegments& found);
 
-}  // namespace detail
-}  // namespace dupin
+}  // namespace dupin::detail

@@ -154,7 +154,9 @@ std::optional<TensorStack> make_tensor_stack(const SurfaceGraph& graph, const Po
     const auto column = static_cast<Index>(c);
     Eigen::VectorXd signal;
     if (c < 6) {
-      signal = tensor.col(column);
+      // Detail far below the mean edge bends more than single precision can hold.
+      const double largest = kLargestBend / graph.mean_edge;
+      signal = tensor.col(column).cwiseMax(-largest).cwiseMin(largest);
     } else {
       signal = normals.col(column - 6);
     }

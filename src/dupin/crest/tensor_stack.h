@@ -13,6 +13,9 @@
 
 namespace dupin::detail {
 
+/// Largest curvature that counts, times the mean edge: more is no surface at this sampling.
+constexpr double kLargestBend = 1e6;
+
 /// Gradient at the vertices of a function linear over the faces, the mean of the faces around by
 /// area: grad f (v) = sum over the ring of weight(k) (f(j) - f(v)).
 struct GradientStencil {

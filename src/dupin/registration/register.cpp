@@ -23,6 +23,7 @@ using Eigen::Index;
 using std::size_t;
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
+constexpr Index kFewestPairs = 12;
 constexpr int kRings = 8;        // height maps for a known scale
 constexpr int kScaleRings = 12;  // for an unknown one
 
@@ -31,6 +32,8 @@ void check(const RegistrationOptions& options) {
     if (!holds) throw InvalidArgument(what);
   };
   require(std::isfinite(options.scale) && options.scale > 0.0, "scale must be finite and > 0");
+  require(std::isfinite(options.given_pose.scale) && options.given_pose.scale > 0.0,
+          "the scale of given_pose must be finite and > 0");
   require(options.max_rotation >= 0.0, "max_rotation must be >= 0");
   require(options.min_confidence >= 0.0 && options.min_confidence <= 1.0,
           "min_confidence must be in [0, 1]");
@@ -95,9 +98,10 @@ Matrix7 covariance_of(const IcpResult& icp, const SurfaceSamples& moving,
 
 // Logistic in what tells right poses from wrong ones (docs/methods/registration.md has the fit).
 double confidence_of(const PoseFit& fit, int matches) {
+  if (fit.num_pairs < kFewestPairs) return 0.0;
   const double overlap = std::max(fit.overlap_moving, fit.overlap_fixed);
-  const double logit = 4.0 - 60.0 * fit.conflict + 20.0 * (std::min(overlap, 0.3) - 0.1) +
-                       0.1 * std::min(matches, 10);
+  const double logit = 4.0 - 60.0 * fit.conflict + 20.0 * (std::min(overlap, 0.3) - 0.1) -
+                       40.0 * std::max(0.0, 0.1 - overlap) + 0.1 * std::min(matches, 10);
   return 1.0 / (1.0 + std::exp(-logit));
 }
 
@@ -176,23 +180,24 @@ class Search {
     // Of bare points nobody knows which side is outward: the other one is tried where the first
     // did not convince. After that every hypothesis gets its chance, not only the best supported.
     const bool is_sure = moving_.has_sides && fixed_.has_sides;
-    std::vector<PoseHypothesis> hypotheses = propose(false, result);
-    try_hypotheses(hypotheses);
+    std::vector<Trial> starts = propose(false, result);
+    try_starts(starts);
     if (!is_convincing() && !is_sure) {
-      const std::vector<PoseHypothesis> others = propose(true, result);
-      try_hypotheses(others);
-      hypotheses.insert(hypotheses.end(), others.begin(), others.end());
+      const std::vector<Trial> others = propose(true, result);
+      try_starts(others);
+      starts.insert(starts.end(), others.begin(), others.end());
     }
-    if (!is_convincing()) try_all(hypotheses);
+    if (!is_convincing()) try_all(starts);
     if (run_.cancelled()) return cancelled_result();
     if (!trials_.empty()) conclude(result);
     return run_.cancelled() ? cancelled_result() : result;
   }
 
  private:
-  std::vector<PoseHypothesis> propose(bool is_flipped, RegistrationResult& result) {
-    matches_ = find_matches(moving_, fixed_, options_, is_flipped, run_.stage(0.2, 0.5));
-    result.num_matches += static_cast<Index>(matches_.size());
+  std::vector<Trial> propose(bool is_flipped, RegistrationResult& result) {
+    const std::vector<FeatureMatch> matches =
+        find_matches(moving_, fixed_, options_, is_flipped, run_.stage(0.2, 0.5));
+    result.num_matches += static_cast<Index>(matches.size());
     detail::PoseSearchOptions search;
     search.position_error =
         options_.estimate_scale
@@ -201,14 +206,16 @@ class Search {
     search.with_scale = options_.estimate_scale;
     search.scale = options_.scale;
     std::vector<PoseHypothesis> found =
-        detail::search_poses(moving_, fixed_, matches_, search, run_.stage(0.5, 0.6));
+        detail::search_poses(moving_, fixed_, matches, search, run_.stage(0.5, 0.6));
     if (options_.try_given_pose) {
       PoseHypothesis given;
       given.pose = options_.given_pose;
       given.is_flipped = is_flipped;
       found.push_back(given);
     }
-    return found;
+    std::vector<Trial> starts;
+    for (const PoseHypothesis& hypothesis : found) starts.push_back(start(hypothesis, matches));
+    return starts;
   }
 
   bool is_convincing() const {
@@ -231,13 +238,13 @@ class Search {
                                         candidate.is_flipped, samples_.bounds, icp.every);
   }
 
-  Trial start(const PoseHypothesis& hypothesis) const {
+  Trial start(const PoseHypothesis& hypothesis, const std::vector<FeatureMatch>& matches) const {
     Trial trial;
     trial.candidate.pose = hypothesis.pose;
     trial.candidate.is_flipped = hypothesis.is_flipped;
     trial.candidate.matches = static_cast<int>(hypothesis.members.size());
     for (const std::int32_t m : hypothesis.members) {
-      const FeatureMatch& match = matches_[static_cast<size_t>(m)];
+      const FeatureMatch& match = matches[static_cast<size_t>(m)];
       trial.pairs.push_back({moving_.anchors[static_cast<size_t>(match.moving)].vertex,
                              fixed_.anchors[static_cast<size_t>(match.fixed)].vertex});
     }
@@ -251,14 +258,15 @@ class Search {
 
   // Half of the places go to the hypotheses that most features agree on, half to those that fit
   // best as they are: a round body fits in many poses, a scan of few features has few matches.
-  void try_hypotheses(const std::vector<PoseHypothesis>& hypotheses) {
+  void try_starts(const std::vector<Trial>& starts) {
     AssessmentBounds loose = samples_.bounds;
     loose.touching = 0.6 * samples_.fixed.spacing;
     const Index every = std::max<Index>(1, samples_.moving.points.rows() / 300);
     std::vector<std::pair<double, size_t>> ranked;
-    for (size_t h = 0; h < hypotheses.size() && !run_.cancelled(); ++h) {
-      const PoseFit fit = detail::assess_pose(samples_.moving, samples_.fixed, hypotheses[h].pose,
-                                              hypotheses[h].is_flipped, loose, every);
+    for (size_t h = 0; h < starts.size() && !run_.cancelled(); ++h) {
+      const PoseFit fit =
+          detail::assess_pose(samples_.moving, samples_.fixed, starts[h].candidate.pose,
+                              starts[h].candidate.is_flipped, loose, every);
       ranked.emplace_back(-(fit.overlap_moving + fit.overlap_fixed) * (1.0 - fit.conflict), h);
     }
     const auto supported = std::min<size_t>(ranked.size(), 12);
@@ -266,20 +274,18 @@ class Search {
     if (ranked.size() > 2 * supported) ranked.resize(2 * supported);
     for (const auto& [score, h] : ranked) {
       if (run_.cancelled()) return;
-      Trial trial = start(hypotheses[h]);
+      Trial trial = starts[h];
       refine_roughly(trial.candidate, 12, 600);
       finish_rough(std::move(trial));
     }
   }
 
-  void try_all(const std::vector<PoseHypothesis>& hypotheses) {
+  void try_all(std::vector<Trial> trials) {
     std::vector<std::pair<double, size_t>> ranked;
-    std::vector<Trial> trials;
-    for (const PoseHypothesis& hypothesis : hypotheses) {
+    for (size_t h = 0; h < trials.size(); ++h) {
       if (run_.cancelled()) return;
-      trials.push_back(start_anew(hypothesis));
-      refine_roughly(trials.back().candidate, 8, 300);
-      ranked.emplace_back(-score_of(trials.back().candidate.fit), trials.size() - 1);
+      refine_roughly(trials[h].candidate, 8, 300);
+      ranked.emplace_back(-score_of(trials[h].candidate.fit), h);
     }
     std::sort(ranked.begin(), ranked.end());
     if (ranked.size() > 12) ranked.resize(12);
@@ -288,15 +294,6 @@ class Search {
       refine_roughly(trials[h].candidate, 20, 1000);
       finish_rough(std::move(trials[h]));
     }
-  }
-
-  // The matches of a flipped pass are gone: only the pose counts.
-  static Trial start_anew(const PoseHypothesis& hypothesis) {
-    Trial trial;
-    trial.candidate.pose = hypothesis.pose;
-    trial.candidate.is_flipped = hypothesis.is_flipped;
-    trial.candidate.matches = static_cast<int>(hypothesis.members.size());
-    return trial;
   }
 
   // ICP on the fine samples; judged on the coarse ones, which noise and detail disturb less.
@@ -322,7 +319,10 @@ class Search {
   }
 
   void conclude(RegistrationResult& result) {
-    std::stable_sort(trials_.begin(), trials_.end(), [](const Trial& a, const Trial& b) {
+    // What turns too far counts only if nothing else is there.
+    const auto is_allowed = [&](const Trial& trial) { return turns_within(trial.candidate.pose); };
+    std::stable_sort(trials_.begin(), trials_.end(), [&](const Trial& a, const Trial& b) {
+      if (is_allowed(a) != is_allowed(b)) return is_allowed(a);
       return score_of(a.candidate.fit) > score_of(b.candidate.fit);
     });
     Trial& winner = trials_.front();
@@ -349,19 +349,25 @@ class Search {
     result.pose = winner.candidate.pose;
     result.correspondences = std::move(winner.pairs);
     result.center = fine.center;
-    result.covariance = covariance_of(fine, fine_samples.moving, fine_samples.fixed,
-                                      result.best.fit, options_.estimate_scale);
     result.refusal = judge(result.best);
     result.accepted = result.refusal == Refusal::none;
+    if (result.accepted) {
+      result.covariance = covariance_of(fine, fine_samples.moving, fine_samples.fixed,
+                                        result.best.fit, options_.estimate_scale);
+    }
   }
 
   Refusal judge(const PoseCandidate& best) const {
-    if (best.fit.num_pairs < 12) return Refusal::no_overlap;
+    if (best.fit.num_pairs < kFewestPairs)
+      return best.matches == 0 ? Refusal::no_features : Refusal::no_overlap;
     if (best.fit.stability < 1e-3) return Refusal::undetermined;
-    if (best.confidence < options_.min_confidence) return Refusal::contradicted;
-    if (rotation_angle(Eigen::Matrix3d::Identity(), best.pose.rotation) > options_.max_rotation)
-      return Refusal::rotation;
-    return Refusal::none;
+    if (best.confidence < options_.min_confidence)
+      return best.fit.conflict > 0.05 ? Refusal::contradicted : Refusal::unsure;
+    return turns_within(best.pose) ? Refusal::none : Refusal::rotation;
+  }
+
+  bool turns_within(const Pose& pose) const {
+    return rotation_angle(Eigen::Matrix3d::Identity(), pose.rotation) <= options_.max_rotation;
   }
 
   const ScanFeatures& moving_;
@@ -369,7 +375,6 @@ class Search {
   const RegistrationOptions& options_;
   const RunControl& run_;
   Samples samples_;
-  std::vector<FeatureMatch> matches_;
   std::vector<Trial> trials_;
 };
 
@@ -378,6 +383,10 @@ class Search {
 RegistrationResult register_scans(const ScanFeatures& moving, const ScanFeatures& fixed,
                                   const RegistrationOptions& options, RunControl run) {
   check(options);
+  if (moving.status == Status::cancelled || fixed.status == Status::cancelled)
+    return cancelled_result();
+  if (moving.coarse.rows() == 0 || fixed.coarse.rows() == 0)
+    throw InvalidArgument("a scan has no points: describe_scan() makes its features");
   return Search(moving, fixed, options, run).solve();
 }
 

@@ -19,15 +19,16 @@ enum class Refusal {
   no_overlap,    ///< the surfaces do not rest on each other in the best pose found
   undetermined,  ///< they do, but slide or turn on each other freely (plane, sphere, cylinder)
   contradicted,  ///< they do in parts, and cross where both are seen
+  unsure,        ///< they do, but on too little to be sure
   rotation       ///< the pose turns by more than is allowed
 };
 
 /// Options of register_scans().
 struct RegistrationOptions {
   bool estimate_scale = true;
-  double scale = 1.0;           ///< used where the scale is not estimated, > 0
-  double max_rotation = 4.0;    ///< [rad]; > pi: any
-  bool refine = true;           ///< ICP; false: the pose that the features agree on
+  double scale = 1.0;         ///< used where the scale is not estimated, > 0
+  double max_rotation = 4.0;  ///< [rad]; > pi: any
+  bool refine = true;         ///< on patches of all points; false: only the rough ICP of the search
   double min_confidence = 0.5;  ///< of an accepted pose, in [0, 1]
   bool try_given_pose = true;   ///< also start from `given_pose`: where the scans are
   Pose given_pose;
@@ -39,7 +40,7 @@ struct PoseFit {
   double overlap_fixed = 0.0;   ///< the other way
   double conflict = 0.0;        ///< of the surface seen by both, the part where they are apart
   double rmse = 0.0;            ///< distance where they rest on each other [mu of fixed]
-  double stability = 0.0;       ///< least resistance to any motion over the largest, in [0, 1]
+  double stability = 0.0;       ///< least resistance to any motion over the mean, in [0, 1]
   Eigen::Index num_pairs = 0;
 };
 
@@ -49,7 +50,7 @@ struct PoseCandidate {
   bool is_flipped = false;  ///< normals of the moving cloud point to the other side
   PoseFit fit;
   int matches = 0;          ///< features that agree on it
-  double confidence = 0.0;  ///< probability that the pose is right, in [0, 1]
+  double confidence = 0.0;  ///< in [0, 1]; orders poses, no measured frequency
 };
 
 /// A place of the moving scan and its place on the fixed one.
@@ -69,7 +70,8 @@ struct RegistrationResult {
   std::vector<PoseCandidate> alternatives;
   std::vector<FeaturePair> correspondences;  ///< features that agree on the pose
   /// Covariance of rotation vector about `center` [rad], shift of `center` [mu of fixed] and
-  /// logarithm of the scale, from the noise of the points.
+  /// logarithm of the scale, from what the points deviate from their patches. Only of accepted
+  /// poses; else zero, as nothing is known.
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of the overlap [mu of fixed]
   Eigen::Index num_matches = 0;                      ///< candidates that the features gave

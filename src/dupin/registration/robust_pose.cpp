@@ -24,7 +24,8 @@ void check(const Points& from, const Points& to, const RobustPoseOptions& option
   }
   for (const Points* points : {&from, &to}) {
     for (Index i = 0; i < points->size(); ++i) {
-      if (!std::isfinite(points->data()[i])) throw InvalidArgument("a coordinate is not finite");
+      if (!(std::abs(points->data()[i]) <= 1e150))
+        throw InvalidArgument("a coordinate is not finite or beyond 1e150");
     }
   }
   if (!std::isfinite(options.noise_bound) || !(options.noise_bound > 0.0))
@@ -49,7 +50,7 @@ std::vector<double> vote_scales(const Points& from, const Points& to, double noi
       // A short distance says little of the scale.
       if (!(a > 0.0) || !(b > 6.0 * noise_bound)) continue;
       const double bin = std::log(b / a) / kBin + kHalf;
-      if (bin < 0.0 || bin > 2 * kHalf) continue;
+      if (!(bin >= 0.0 && bin <= 2 * kHalf)) continue;
       votes[static_cast<Index>(std::lround(bin))] += 1.0;
     }
   }

@@ -33,7 +33,8 @@ struct RobustPose {
 /// "SC2-PCR", CVPR 2022); from each seed grows a pose by repeated weighted fits of the matches
 /// within the bound; that with most matches wins. An unknown scale is first voted for by the ratios
 /// of the distances (Yang et al., "TEASER", T-RO 2021).
-/// @throws InvalidArgument if sizes differ, a value is not finite or an option is out of range
+/// @throws InvalidArgument if sizes differ, a coordinate is not finite or beyond 1e150 or an option
+///   is out of range
 /// Cost: O(N^2) time and N^2 / 8 bytes; more than 8192 matches are refused (E_TOO_LARGE).
 RobustPose robust_pose(const Points& from, const Points& to, const RobustPoseOptions& options,
                        RunControl run = {});

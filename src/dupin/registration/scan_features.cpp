@@ -129,7 +129,7 @@ void add_keypoints(ScanFeatures& scan, const SurfaceGraph& graph, const ScanFeat
     anchor.vertex = point.vertex;
     anchor.position = graph.points.row(point.vertex);
     anchor.kind = point.kind == KeypointKind::maximum ? 1 : -1;
-    anchor.radius = point.radius;
+    anchor.radius = point.radius * scan.mean_edge / graph.mean_edge;
     scan.anchors.push_back(anchor);
   }
   scan.num_keypoints = static_cast<Index>(scan.anchors.size());
@@ -189,11 +189,42 @@ void set_normals(ScanFeatures& scan, const RunControl& run) {
   if (reach > 0.0 && !run.cancelled()) search.visit_within(places, reach, visitor, run);
 }
 
+// Mean edge without those that lead to stray points: longer than eight times the median.
+double mean_edge_of(const SurfaceGraph& graph) {
+  const Adjacency& ring = graph.topology.ring;
+  std::vector<double> length;
+  length.reserve(ring.neighbor.size() / 2);
+  for (Index v = 0; v < ring.num_vertices(); ++v) {
+    for (const std::int32_t* j = ring.begin(v); j != ring.end(v); ++j) {
+      if (*j > v) length.push_back((graph.points.row(v) - graph.points.row(*j)).norm());
+    }
+  }
+  if (length.empty()) return 0.0;
+  const auto middle = length.begin() + static_cast<std::ptrdiff_t>(length.size() / 2);
+  std::nth_element(length.begin(), middle, length.end());
+  const double longest = 8.0 * *middle;
+  if (!(longest > 0.0)) return graph.mean_edge;
+  double sum = 0.0;
+  Index count = 0;
+  for (const double one : length) {
+    if (one > longest) continue;
+    sum += one;
+    ++count;
+  }
+  return sum / static_cast<double>(count);
+}
+
+void require_extent(double mean_edge) {
+  if (mean_edge > 0.0) return;
+  throw AnalysisError("E_DEGENERATE", "all points of the scan lie at one place");
+}
+
 // Everything but the graph. `cells`: of the points of the scan in the graph; empty: one each.
 ScanFeatures describe(ScanFeatures scan, const SurfaceGraph& graph, const Cells& cells,
                       const ScanFeatureOptions& options, const RunControl& run) {
   scan.coarse = graph.points;
-  scan.mean_edge = graph.mean_edge;
+  scan.mean_edge = mean_edge_of(graph);
+  require_extent(graph.mean_edge);
   scan.coarse_normals =
       smooth_normals(graph.normals, graph.topology.ring, options.normal_smoothing);
   if (cells.count > 0) {
@@ -234,8 +265,22 @@ ScanFeatures describe(ScanFeatures scan, const SurfaceGraph& graph, const Cells&
   return cancelled;
 }
 
+// Of the box between the hundredths of every coordinate, stretched to what it is of a full box: a
+// few stray points far away are no part of the object.
 double diameter_of(const Points& points) {
-  return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
+  Eigen::RowVector3d size;
+  std::vector<double> values(static_cast<size_t>(points.rows()));
+  const auto hundredth = static_cast<std::ptrdiff_t>(values.size() / 100);
+  for (Index k = 0; k < 3; ++k) {
+    for (Index i = 0; i < points.rows(); ++i) values[static_cast<size_t>(i)] = points(i, k);
+    const auto low = values.begin() + hundredth;
+    const auto high = values.end() - 1 - hundredth;
+    std::nth_element(values.begin(), low, values.end());
+    size[k] = -*low;
+    std::nth_element(values.begin(), high, values.end());
+    size[k] += *high;
+  }
+  return size.norm() / 0.98;
 }
 
 }  // namespace
@@ -265,6 +310,15 @@ ScanFeatures describe_scan(const Mesh& mesh, const ScanFeatureOptions& options, 
 ScanFeatures describe_scan(const PointCloud& cloud, const ScanFeatureOptions& options,
                            RunControl run) {
   check(cloud.points.rows(), options);
+  if (cloud.normals.rows() != 0 && cloud.normals.rows() != cloud.points.rows()) {
+    throw InvalidArgument("there are " + std::to_string(cloud.points.rows()) + " points and " +
+                          std::to_string(cloud.normals.rows()) + " normals");
+  }
+  for (const Points* rows : {&cloud.points, &cloud.normals}) {
+    for (Index i = 0; i < rows->size(); ++i) {
+      if (!std::isfinite(rows->data()[i])) throw InvalidArgument("a coordinate is not finite");
+    }
+  }
   ScanFeatures scan;
   scan.points = cloud.points;
   scan.diameter = diameter_of(cloud.points);

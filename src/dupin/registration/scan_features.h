@@ -41,11 +41,11 @@ struct ScanFeatures {
   Points coarse_normals;  ///< #C by 3 unit
   std::vector<std::int32_t> coarse_vertex;  ///< #C: a point of the scan near each
   double mean_edge = 0.0;                   ///< of the graph of the coarse points [mu]
-  double diameter = 0.0;                    ///< diagonal of the bounding box [mu]
-  double noise_sigma = 0.0;                 ///< of the points along the normal [mu]
-  double coarse_sigma = 0.0;                ///< of the coarse points [mu]
-  std::vector<Anchor> anchors;              ///< keypoints by falling response, then others
-  Eigen::Index num_keypoints = 0;           ///< leading anchors that are keypoints
+  double diameter = 0.0;           ///< of the box between the hundredths of the coordinates [mu]
+  double noise_sigma = 0.0;        ///< of the points along the normal [mu]
+  double coarse_sigma = 0.0;       ///< of the coarse points [mu]
+  std::vector<Anchor> anchors;     ///< keypoints by falling response, then others
+  Eigen::Index num_keypoints = 0;  ///< leading anchors that are keypoints
 };
 
 /// Persistent keypoints of the scale space (thesis 5.5.2) with a normal each, and, where they are

@@ -163,6 +163,7 @@ SurfaceSamples sample_surface(const Points& points, const Points& normals,
   samples.spacing = options.spacing;
   samples.radius = options.radius;
   samples.num_points = points.rows();
+  if (points.rows() == 0) return samples;
   const NeighborSearch all(points);
   const std::vector<std::int32_t> kept = thin(points, options.spacing);
   Points places(static_cast<Index>(kept.size()), 3);

@@ -149,7 +149,7 @@ ThesisFeatures describe_by_thesis(const SurfaceGraph& graph, const ThesisFeature
   keypoints.min_contrast = options.min_contrast;
   keypoints.contrast_power = options.signal == Signal::gauss ? 2 : 1;
   keypoints.top = options.max_features;
-  keypoints.level = std::clamp(keypoints.level, 1, options.schedule.num_levels - 2);
+  keypoints.level = std::clamp(keypoints.level, 1, std::max(1, options.schedule.num_levels - 2));
   const KeypointSet set =
       find_keypoints(graph, space.loc, options.schedule, signal.cwiseAbs().maxCoeff(), keypoints,
                      run.stage(0.8, 0.9));

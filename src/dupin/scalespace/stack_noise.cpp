@@ -63,7 +63,8 @@ void check(const DiffusionOperator& op, const StackNoiseOptions& options) {
     throw InvalidArgument("pooling is " + std::to_string(options.pooling) + ", must be >= 0");
   }
   const int last = options.schedule.num_levels - 2;
-  if (options.first_searched < 0 || options.last_searched < 0 || options.last_searched > last) {
+  if (options.first_searched < 0 || options.last_searched < 0 || options.last_searched > last ||
+      options.first_searched > options.last_searched) {
     throw InvalidArgument("levels searched are " + std::to_string(options.first_searched) + " to " +
                           std::to_string(options.last_searched) + ", legal range 0 to " +
                           std::to_string(last));

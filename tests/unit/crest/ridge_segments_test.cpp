@@ -70,7 +70,7 @@ TEST(FindRidgeSegments, FindsTheLineWhereTheBendIsLargest) {
   const RidgeSegments found = detail::find_ridge_segments(fold.graph, fold.field);
   // The line crosses a strip of triangles from side to side, two on an edge's length.
   EXPECT_GT(found.segments.size(), 60U);
-  for (const detail::EdgeCrossing& c : found.crossings) {
+  for (const EdgeCrossing& c : found.crossings) {
     const double y =
         (1.0 - c.weight) * fold.graph.points(c.a, 1) + c.weight * fold.graph.points(c.b, 1);
     EXPECT_NEAR(y, 0.0, 1e-12);

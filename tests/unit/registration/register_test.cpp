@@ -4,12 +4,14 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
+#include "tests/support/rugged_body.h"
 #include "tests/support/scan_pair.h"
 
 namespace dupin {
@@ -17,25 +19,9 @@ namespace {
 
 using Eigen::Index;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
-// A body with bumps and dents of many sizes and no symmetry; `seed` makes different ones.
 Mesh rugged(std::uint64_t seed, Index vertices = 8'000) {
-  Mesh solid = make_sphere(1.0, vertices).mesh;
-  Rng rng(seed);
-  VectorXd radius = VectorXd::Ones(solid.points.rows());
-  for (int i = 0; i < 120; ++i) {
-    const Vector3d center = Vector3d(rng.normal(), rng.normal(), rng.normal()).normalized();
-    const double height = rng.uniform(-0.12, 0.12);
-    const double width = rng.uniform(0.1, 0.35);
-    radius.array() += height * ((solid.points * center).array() - 1.0).unaryExpr([&](double x) {
-      return std::exp(x / (width * width));
-    });
-  }
-  solid.points = solid.points.array().colwise() * radius.array();
-  solid.points.col(0) *= 1.4;
-  solid.points.col(1) *= 1.15;
-  return solid;
+  return test::rugged_body(seed, vertices);
 }
 
 RegistrationOptions blind(bool estimate_scale) {
@@ -185,6 +171,62 @@ TEST(Register, ThreadsLimitsAndCancellation) {
   run.cancel();
   EXPECT_EQ(register_scans(moving, fixed, blind(false), run).status, Status::cancelled);
   EXPECT_EQ(describe_scan(pair.moving, {}, run).status, Status::cancelled);
+}
+
+// One point far away is no part of the object: the pose comes back all the same.
+TEST(Register, AStrayPointDoesNotMatter) {
+  test::ScanPair pair = make_pair(2, 0.6, 0.0, 1.0);
+  PointCloud cloud;
+  cloud.points = pair.fixed.points;
+  cloud.points.row(17) *= 1e3;
+  const RegistrationResult result =
+      register_scans(describe_scan(pair.moving), describe_scan(cloud), blind(false));
+  EXPECT_TRUE(result.accepted);
+  const test::PoseError error = test::pose_error(result.pose, pair.truth, pair.moving.points);
+  EXPECT_LT(error.rotation_deg, 1.0);
+}
+
+// What cannot be registered is refused by name, whatever its size: points at one place, coordinates
+// that are no numbers in a cloud large enough to be thinned, normals of another number, features of
+// a cancelled or of no scan.
+TEST(Register, BadFeaturesAreNamed) {
+  PointCloud cloud;
+  cloud.points = Points::Zero(20'000, 3);
+  for (Index i = 0; i < cloud.points.rows(); ++i)
+    cloud.points.row(i) << static_cast<double>(i % 141), static_cast<double>(i / 141), 0.0;
+  PointCloud bad = cloud;
+  bad.points(19'000, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(describe_scan(bad), InvalidArgument);
+  bad = cloud;
+  bad.normals = Points::Zero(19'999, 3);
+  EXPECT_THROW(describe_scan(bad), InvalidArgument);
+  PointCloud one;
+  one.points = Points::Constant(50, 3, 2.0);
+  EXPECT_THROW(describe_scan(one), AnalysisError);
+  const ScanFeatures none;
+  EXPECT_THROW(register_scans(none, none, blind(false)), InvalidArgument);
+  ScanFeatures cancelled;
+  cancelled.status = Status::cancelled;
+  EXPECT_EQ(register_scans(cancelled, cancelled, blind(false)).status, Status::cancelled);
+}
+
+// Of a refused pose no deviation is told; among the poses of a symmetric body the one within the
+// limit is taken.
+TEST(Register, LimitsChooseAmongEqualPoses) {
+  Mesh mesh = make_sphere(1.0, 6'000).mesh;
+  mesh.points.col(0) *= 1.8;
+  mesh.points.col(1) *= 1.35;
+  const ScanFeatures body = describe_scan(mesh);
+  RegistrationOptions options = blind(false);
+  options.max_rotation = 0.2;
+  options.try_given_pose = true;
+  const RegistrationResult result = register_scans(body, body, options);
+  EXPECT_TRUE(result.accepted);
+  EXPECT_LT(rotation_angle(Eigen::Matrix3d::Identity(), result.pose.rotation), 0.2);
+  const RegistrationResult refused =
+      register_scans(describe_scan(rugged(3, 3'000)), body, blind(false));
+  EXPECT_FALSE(refused.accepted);
+  EXPECT_EQ(refused.covariance.norm(), 0.0);
 }
 
 // First order: over many draws of the noise the pose scatters as its covariance says, within a

@@ -92,6 +92,8 @@ TEST(RobustPose, RefusesBadInputAndHeedsCancellation) {
   options.noise_bound = 0.1;
   EXPECT_THROW(robust_pose(Points::Zero(3, 3), Points::Zero(4, 3), options), InvalidArgument);
   EXPECT_THROW(robust_pose(Points::Zero(9000, 3), Points::Zero(9000, 3), options), Error);
+  EXPECT_THROW(robust_pose(Points::Constant(5, 3, 1e200), Points::Zero(5, 3), options),
+               InvalidArgument);
   EXPECT_FALSE(robust_pose(Points::Zero(0, 3), Points::Zero(0, 3), options).is_found);
   EXPECT_FALSE(robust_pose(Points::Zero(50, 3), Points::Zero(50, 3), options).is_found);
   const RunControl run = RunControl::create();
