@@ -55,7 +55,7 @@ class ScaleChoice {
 
   Scale at_vertex(Index v) const {
     return choose([&](Index l) {
-      return Pair{double{at(l).strength[v]}, double{at(l).largest[v]}};
+      return Pair{static_cast<double>(at(l).strength[v]), static_cast<double>(at(l).largest[v])};
     });
   }
   Scale at_crossing(const EdgeCrossing& c) const {

@@ -20,13 +20,11 @@ Tally tally(const SurfaceSamples& surface, const SurfaceSamples& other, const Po
   Tally tally;
   tally.all = (other.points.rows() + every - 1) / every;
   if (surface.grid.empty()) return tally;
-  const Eigen::Matrix3d turn = pose.rotation.transpose();
   for (Index i = 0; i < other.points.rows(); i += every) {
-    const RowVector3d place =
-        pose.scale * (other.points.row(i) * turn) + pose.translation.transpose();
+    const RowVector3d place = moved_point(other.points.row(i), pose);
     const Index at = surface.near(place);
     if (at < 0 || (surface.points.row(at) - place).norm() > apart) continue;
-    const RowVector3d normal = sign * (other.normals.row(i) * turn);
+    const RowVector3d normal = sign * turned_direction(other.normals.row(i), pose);
     const auto foot = surface.foot(at, place);
     if (foot && std::abs(foot->distance) <= touching && normal.dot(foot->normal) > 0.7) {
       ++tally.touching;

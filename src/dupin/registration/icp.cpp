@@ -42,15 +42,13 @@ template <class Add>
 void pair_with(const SurfaceSamples& surface, const SurfaceSamples& other, const Pose& pose,
                double sign, double bound, Index every, const Add& add) {
   if (surface.grid.empty()) return;
-  const Eigen::Matrix3d turn = pose.rotation.transpose();
   for (Index i = 0; i < other.points.rows(); i += every) {
-    const RowVector3d place =
-        pose.scale * (other.points.row(i) * turn) + pose.translation.transpose();
+    const RowVector3d place = moved_point(other.points.row(i), pose);
     const Index at = surface.near(place);
     if (at < 0) continue;
     const auto foot = surface.foot(at, place);
     if (!foot || std::abs(foot->distance) > bound) continue;
-    const RowVector3d normal = other.normals.row(i) * turn;
+    const RowVector3d normal = turned_direction(other.normals.row(i), pose);
     if (sign * normal.dot(foot->normal) < kNormalCosine) continue;
     add(place, *foot);
   }

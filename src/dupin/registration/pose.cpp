@@ -62,6 +62,14 @@ Points turned(const Points& directions, const Pose& pose) {
   return directions * pose.rotation.transpose();
 }
 
+Eigen::RowVector3d moved_point(const Eigen::RowVector3d& point, const Pose& pose) {
+  return (pose.scale * (pose.rotation * point.transpose()) + pose.translation).transpose();
+}
+
+Eigen::RowVector3d turned_direction(const Eigen::RowVector3d& direction, const Pose& pose) {
+  return (pose.rotation * direction.transpose()).transpose();
+}
+
 double rotation_angle(const Matrix3d& a, const Matrix3d& b) {
   const Matrix3d r = a.transpose() * b;
   const Vector3d axis(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1));

@@ -26,6 +26,10 @@ Points transformed(const Points& points, const Pose& pose);
 /// `directions` (#V by 3) turned by the rotation of `pose`. Cost: O(V).
 Points turned(const Points& directions, const Pose& pose);
 
+/// The same of one point and one direction.
+Eigen::RowVector3d moved_point(const Eigen::RowVector3d& point, const Pose& pose);
+Eigen::RowVector3d turned_direction(const Eigen::RowVector3d& direction, const Pose& pose);
+
 /// Angle of the rotation that leads from `a` to `b`, in [0, pi]; accurate near 0.
 double rotation_angle(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b);
 
