@@ -40,11 +40,11 @@ def verbs():
     """Every verb with the options that its --help names."""
     text = dupin("--help")
     found = {}
-    for name in re.findall(r"^  ([a-z]+) {2,}", text[text.index("Subcommands:"):], re.M):
+    for name in re.findall(r"^  ([a-z][a-z-]*) {2,}", text[text.index("Subcommands:"):], re.M):
         path = [name]
         page = dupin(*path, "--help")
         if "Subcommands:" in page:
-            path.append(re.findall(r"^  ([a-z]+) {2,}", page[page.index("Subcommands:"):], re.M)[0])
+            path.append(re.findall(r"^  ([a-z][a-z-]*) {2,}", page[page.index("Subcommands:"):], re.M)[0])
             page = dupin(*path, "--help")
         found[" ".join(path)] = set(re.findall(r"^  (?:-\w,)?(--[a-z0-9-]+)", page, re.M))
     return found

@@ -64,7 +64,7 @@ void check(const DiffusionOperator& op, const StackNoiseOptions& options) {
   }
   const int last = options.schedule.num_levels - 2;
   if (options.first_searched < 0 || options.last_searched < 0 || options.last_searched > last ||
-      options.first_searched > options.last_searched) {
+      (options.last_searched > 0 && options.first_searched > options.last_searched)) {
     throw InvalidArgument("levels searched are " + std::to_string(options.first_searched) + " to " +
                           std::to_string(options.last_searched) + ", legal range 0 to " +
                           std::to_string(last));
