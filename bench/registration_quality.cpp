@@ -4,7 +4,7 @@
 // within 0.5 % of the diameter of where it belongs; within 5 degrees and 2 edges it is "near",
 // which a refinement could reach. CPU seconds are those of the whole process, without reading.
 //
-// registration_quality --surfaces DIR [--modes pairs,scaled,different,mirrored,outliers,real]
+// registration_quality --surfaces DIR [--modes pairs,scaled,different,mirrored,outliers,views,real]
 //     [--write FILES [--open3d /usr/bin/python3]] [--real DIR] [--fixed cloud|mesh] [--draw N]
 //
 // DIR holds armadillo.off, bunny00.off and refined_elephant.off as Debian's libcgal-demo packs
@@ -32,6 +32,8 @@
 #include "dupin/base/random.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mesh/heal.h"
+#include "dupin/registration/register_all.h"
+#include "dupin/render/range_view.h"
 #include "dupin/spatial/neighborhoods.h"
 
 namespace {
@@ -92,7 +94,7 @@ double median(std::vector<double> values) {
 // One row: successes (and near) by noise and overlap, totals, medians.
 void print_row(const std::string& name, const std::vector<Judged>& all) {
   std::map<std::pair<int, int>, int> success;
-  std::vector<double> angles;
+  std::map<int, std::vector<double>> angles;  // by noise
   std::vector<double> shifts;
   std::vector<double> seconds;
   int num_success = 0;
@@ -106,7 +108,7 @@ void print_row(const std::string& name, const std::vector<Judged>& all) {
     num_accepted_wrong += judged.answer.is_accepted && judged.outcome == Outcome::wrong ? 1 : 0;
     if (judged.outcome != Outcome::success) continue;
     ++num_success;
-    angles.push_back(judged.error.rotation_deg);
+    angles[judged.named->noise_percent].push_back(judged.error.rotation_deg);
     shifts.push_back(judged.error.translation / judged.named->pair.diameter);
   }
   std::printf("| %s |", name.c_str());
@@ -115,10 +117,18 @@ void print_row(const std::string& name, const std::vector<Judged>& all) {
                 success[{noise, 70}]);
   }
   std::printf(" %d of %zu | %d | %d |", num_success, all.size(), num_near, num_accepted_wrong);
+  for (const int noise : {0, 20, 50}) {
+    const char* after = noise == 50 ? " |" : " /";
+    if (angles[noise].empty()) {
+      std::printf(" -%s", after);
+    } else {
+      std::printf(" %.3f%s", median(angles[noise]), after);
+    }
+  }
   if (num_success > 0) {
-    std::printf(" %.3f | %.1e |", median(angles), median(shifts));
+    std::printf(" %.1e |", median(shifts));
   } else {
-    std::printf(" - | - |");
+    std::printf(" - |");
   }
   std::printf(" %.2f |\n", median(seconds));
   std::fflush(stdout);
@@ -183,7 +193,8 @@ void print_success(const Request& request, const std::string& title,
   std::printf(
       "\n%s, fixed part as %s. Successes of the overlaps 30 + 50 + 70 %%; near: within 5 degrees "
       "and 2 edges; medians over the successes, seconds over all.\n\n"
-      "| method | noise 0 | 20 %% | 50 %% | success | near | wrong but accepted | deg | shift / "
+      "| method | noise 0 | 20 %% | 50 %% | success | near | wrong but accepted | deg at 0 / 20 / "
+      "50 %% | shift / "
       "diameter | CPU s |\n|---|---|---|---|---|---|---|---|---|---|\n",
       title.c_str(), request.fixed.c_str());
   for (const Method& method : methods_of(request)) {
@@ -269,6 +280,53 @@ void print_outliers(const std::vector<NamedSurface>& surfaces, std::uint64_t dra
   }
 }
 
+// ---- sets of views ---------------------------------------------------------------------------
+
+// Twelve range views, 30 degrees apart, each in a pose of its own, into one frame.
+void print_views(const std::vector<NamedSurface>& surfaces, std::uint64_t draw) {
+  constexpr int kViews = 12;
+  std::printf(
+      "\n%d views of 160 x 160 pixels, 30 degrees apart, in random poses: views in one frame, "
+      "largest error of any point over the diameter, pairs accepted, CPU s.\n\n"
+      "| surface | registered | largest error | pairs | CPU s |\n|---|---|---|---|---|\n",
+      kViews);
+  for (const NamedSurface& surface : surfaces) {
+    std::vector<dupin::ScanFeatures> scans;
+    std::vector<Points> points;
+    std::vector<Pose> truth;
+    const double start = dupin::bench::cpu_seconds();
+    for (int k = 0; k < kViews; ++k) {
+      dupin::Camera direction;
+      direction.azimuth_deg = 30.0 * k;
+      const auto camera = dupin::fit_range_camera(surface.mesh.points, direction, 160, 160);
+      Mesh view = dupin::scan_range_view(surface.mesh, camera).mesh;
+      const Pose moved =
+          dupin::test::random_pose(1.0, 1.0, 100 * draw + static_cast<std::uint64_t>(k));
+      view.points = dupin::transformed(view.points, moved);
+      truth.push_back(compose({1.0, camera.rotation.transpose(), camera.position}, inverse(moved)));
+      points.push_back(view.points);
+      scans.push_back(dupin::describe_scan(view));
+    }
+    const dupin::RegisterAllResult found = dupin::register_all(scans);
+    int registered = 0;
+    double largest = 0.0;
+    for (std::size_t i = 0; i < scans.size() && found.reference >= 0; ++i) {
+      if (!found.poses[i]) continue;
+      ++registered;
+      const Pose& frame = truth[static_cast<std::size_t>(found.reference)];
+      const Points there = dupin::transformed(points[i], compose(frame, *found.poses[i]));
+      largest = std::max(
+          largest, (there - dupin::transformed(points[i], truth[i])).rowwise().norm().maxCoeff());
+    }
+    const double diameter =
+        (surface.mesh.points.colwise().maxCoeff() - surface.mesh.points.colwise().minCoeff())
+            .norm();
+    std::printf("| %s | %d | %.5f | %zu | %.1f |\n", surface.name.c_str(), registered,
+                largest / diameter, found.pairs.size(), dupin::bench::cpu_seconds() - start);
+    std::fflush(stdout);
+  }
+}
+
 // ---- real scans ----------------------------------------------------------------------------
 
 struct RealPair {
@@ -328,7 +386,9 @@ void print_real(const Request& request) {
     const double reach =
         0.01 *
         (real.fixed.points.colwise().maxCoeff() - real.fixed.points.colwise().minCoeff()).norm();
-    for (const Method& method : methods_of(request)) {
+    std::vector<Method> methods = methods_of(request);
+    methods.push_back(dupin::bench::from_given_pose());
+    for (const Method& method : methods) {
       const Answer answer = method.run(pair, true);
       const Points there = dupin::transformed(real.moving.points, answer.pose);
       const auto error = dupin::test::pose_error(answer.pose, real.truth, real.moving.points);
@@ -371,6 +431,7 @@ void run(const Request& request) {
     print_refusals(request, "Mirror images", pairs);
   }
   if (modes.contains("outliers")) print_outliers(surfaces, request.draw);
+  if (modes.contains("views")) print_views(surfaces, request.draw);
   if (modes.contains("real")) {
     if (request.real.empty()) {
       std::cerr << "real scans are left out: no --real DIR\n";
@@ -389,7 +450,8 @@ int main(int argc, char** argv) {
                  "Folder with armadillo, bunny00, refined_elephant (.off)");
   app.add_option("--modes", request.modes, "What to measure")
       ->delimiter(',')
-      ->check(CLI::IsMember({"pairs", "scaled", "different", "mirrored", "outliers", "real"}));
+      ->check(
+          CLI::IsMember({"pairs", "scaled", "different", "mirrored", "outliers", "views", "real"}));
   app.add_option("--only", request.only, "Methods whose name contains one of these; NONE: none")
       ->delimiter(',');
   app.add_option("--fixed", request.fixed, "The fixed part: cloud or mesh")

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -13,7 +12,6 @@
 #include "dupin/crest/crest_lines.h"
 #include "dupin/crest/crest_noise.h"
 #include "dupin/io/file.h"
-#include "dupin/mls/noise_level.h"
 #include "dupin/surface/signal_noise.h"
 #include "line_files.h"
 #include "surface_input.h"
@@ -44,30 +42,15 @@ struct Found {
   std::vector<CrestUncertainty> uncertainty;  // aligned with the lines, or empty
 };
 
-// Standard deviation of every coordinate, in local units.
+// Standard deviation of every coordinate, in local units. A surface too small to tell its noise has
+// that of rounding: only error bars must know it.
 double noise_sigma(const CrestRequest& request, LoadedSurface& surface, Context& context) {
-  if (request.noise.empty() || request.noise == "auto") {
-    NoiseLevelOptions options;
-    options.seed = context.seed;
-    try {
-      const NoiseLevel level =
-          noise_level_of(surface, options, context, context.run.stage(0.1, 0.2));
-      // No file holds its points better than it rounds them.
-      return std::max(level.sigma, estimate_rounding(surface.points) / surface.unit);
-    } catch (const AnalysisError&) {
-      // Too small a surface to tell its noise; only error bars must know it.
-      if (request.wants_bars()) throw;
-      return estimate_rounding(surface.points) / surface.unit;
-    }
+  try {
+    return noise_sigma_of(request.noise, surface, context, context.run.stage(0.1, 0.2));
+  } catch (const AnalysisError&) {
+    if (request.wants_bars()) throw;
+    return estimate_rounding(surface.points) / surface.unit;
   }
-  double sigma = 0.0;
-  const char* end = request.noise.data() + request.noise.size();
-  const auto parsed = std::from_chars(request.noise.data(), end, sigma);
-  if (parsed.ec != std::errc() || parsed.ptr != end || !std::isfinite(sigma) || sigma < 0.0) {
-    throw InvalidArgument("noise is \"" + escaped(request.noise, 40) +
-                          "\", expected auto or a length >= 0 in the unit of the input");
-  }
-  return require_comparable_noise(sigma / surface.unit);
 }
 
 // Error bars, and what --min-snr and --top leave.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -15,7 +14,6 @@
 #include "dupin/features/keypoint_uncertainty.h"
 #include "dupin/io/file.h"
 #include "dupin/io/surface_io.h"
-#include "dupin/mls/noise_level.h"
 #include "dupin/scalespace/scale_space.h"
 #include "stack_options.h"
 
@@ -119,33 +117,14 @@ void require_finite(const Found& found, const std::string& file) {
                 file);
 }
 
-// Standard deviation of every coordinate, in local units.
-double noise_sigma(const KeypointRequest& request, LoadedSurface& surface, Context& context) {
-  if (request.noise.empty() || request.noise == "auto") {
-    NoiseLevelOptions options;
-    options.seed = context.seed;
-    const NoiseLevel level =
-        noise_level_of(surface, options, context, context.run.stage(0.6, 0.65));
-    // No file holds its points better than it rounds them.
-    return std::max(level.sigma, estimate_rounding(surface.points) / surface.unit);
-  }
-  double sigma = 0.0;
-  const char* end = request.noise.data() + request.noise.size();
-  const auto parsed = std::from_chars(request.noise.data(), end, sigma);
-  if (parsed.ec != std::errc() || parsed.ptr != end || !std::isfinite(sigma) || sigma < 0.0) {
-    throw InvalidArgument("noise is \"" + escaped(request.noise, 40) +
-                          "\", expected auto or a length >= 0 in the unit of the input");
-  }
-  return require_comparable_noise(sigma / surface.unit);
-}
-
 // Error bars of all keypoints, then what --min-snr, --significance and --top leave of them.
 void add_noise_to(Found& found, const KeypointRequest& request, const DiffusionOperator& op,
                   const ScaleSpace& stack, Context& context) {
   const std::optional<Signal> signal = library_signal(request.stack.signal);  // see check()
   const SurfaceGraph& graph = found.surface.graph;
   const KeypointOptions options = library_options(request);
-  const double sigma = noise_sigma(request, found.surface, context);
+  const double sigma =
+      noise_sigma_of(request.noise, found.surface, context, context.run.stage(0.6, 0.65));
   found.sigma = sigma;
   std::vector<Keypoint>& points = found.set.keypoints;
   if (sigma > 0.0) {

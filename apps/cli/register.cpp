@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -75,47 +77,27 @@ Registered solve(Context& context, const RegisterRequest& request) {
   return found;
 }
 
-const char* refusal_name(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::none:
-      return "none";
-    case Refusal::no_features:
-      return "no_features";
-    case Refusal::no_overlap:
-      return "no_overlap";
-    case Refusal::undetermined:
-      return "undetermined";
-    case Refusal::contradicted:
-      return "contradicted";
-    case Refusal::unsure:
-      return "unsure";
-    case Refusal::rotation:
-      return "rotation";
-  }
-  return "none";
+struct RefusalWords {
+  Refusal refusal;
+  const char* name;
+  const char* sentence;
+};
+
+constexpr RefusalWords kRefusals[] = {
+    {Refusal::none, "none", "accepted"},
+    {Refusal::no_features, "no_features", "nothing in one scan resembles anything in the other"},
+    {Refusal::no_overlap, "no_overlap", "the scans do not lie on each other in any pose tried"},
+    {Refusal::undetermined, "undetermined", "the scans slide or turn on each other freely"},
+    {Refusal::contradicted, "contradicted", "the scans cross where both saw the surface"},
+    {Refusal::unsure, "unsure", "the scans rest on each other, but on too little to be sure"},
+    {Refusal::rotation, "rotation", "the pose turns by more than --max-rotation"}};
+
+const RefusalWords& words_of(Refusal refusal) {
+  return *std::find_if(std::begin(kRefusals), std::end(kRefusals),
+                       [&](const RefusalWords& words) { return words.refusal == refusal; });
 }
 
-const char* refusal_sentence(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::none:
-      return "accepted";
-    case Refusal::no_features:
-      return "nothing in one scan resembles anything in the other";
-    case Refusal::no_overlap:
-      return "the scans do not lie on each other in any pose tried";
-    case Refusal::undetermined:
-      return "the scans slide or turn on each other freely";
-    case Refusal::contradicted:
-      return "the scans cross where both saw the surface";
-    case Refusal::unsure:
-      return "the scans rest on each other, but on too little to be sure";
-    case Refusal::rotation:
-      return "the pose turns by more than --max-rotation";
-  }
-  return "";
-}
-
-Json document_of(const Registered& found) {
+Json document_of(const Registered& found, const RegisterRequest& request) {
   const RegistrationResult& result = found.result;
   const PoseFit& fit = result.best.fit;
   Json rotation = Json::array();
@@ -128,16 +110,19 @@ Json document_of(const Registered& found) {
     pairs.push_back({found.moving.input_vertex[static_cast<std::size_t>(pair.moving)],
                      found.fixed.input_vertex[static_cast<std::size_t>(pair.fixed)]});
   }
-  // Of a refused pose nothing is known.
+  // Of a pose that is refused or not refined nothing is known.
   const auto known = [&](double value) {
-    return number_or_null(result.accepted ? std::optional(value) : std::nullopt);
+    return number_or_null(result.accepted && request.refine == "icp" ? std::optional(value)
+                                                                     : std::nullopt);
   };
   const double degrees = 180.0 / std::numbers::pi;
   const double turn = std::sqrt(std::max(0.0, result.covariance.topLeftCorner<3, 3>().trace()));
   const double shift =
       std::sqrt(std::max(0.0, result.covariance.block<3, 3>(3, 3).trace())) * found.fixed.unit;
+  Json warnings = warnings_of(request.moving, found.moving);
+  for (const Json& one : warnings_of(request.fixed, found.fixed)) warnings.push_back(one);
   return {{"accepted", result.accepted},
-          {"refusal", refusal_name(result.refusal)},
+          {"refusal", words_of(result.refusal).name},
           {"transform", matrix_of(found.pose)},
           {"scale", found.pose.scale},
           {"rotation", rotation},
@@ -155,8 +140,7 @@ Json document_of(const Registered& found) {
           {"scale_sd", known(std::sqrt(std::max(0.0, result.covariance(6, 6))) * found.pose.scale)},
           {"alternatives", result.alternatives.size()},
           {"seconds", found.seconds},
-          {"warnings",
-           {{"moving", to_json(found.moving.warnings)}, {"fixed", to_json(found.fixed.warnings)}}}};
+          {"warnings", warnings}};
 }
 
 SurfaceOutput aligned(const Registered& found) {
@@ -189,11 +173,11 @@ void run_register(Context& context, const RegisterRequest& request) {
       write_surface(request.fused, fused(found), surface_format_of(request.fused));
   });
   if (!found.result.accepted) context.exit_code = static_cast<int>(Errc::negative);
-  context.print_json(document_of(found));
+  context.print_json(document_of(found, request));
   if (context.json) return;
   const PoseFit& fit = found.result.best.fit;
   context.say(fmt::format("{}: {}", found.result.accepted ? "registered" : "not registered",
-                          refusal_sentence(found.result.refusal)));
+                          words_of(found.result.refusal).sentence));
   for (Index r = 0; r < 3; ++r) {
     context.say(fmt::format(
         "  {:12.8f} {:12.8f} {:12.8f} {:14.8g}", found.pose.scale * found.pose.rotation(r, 0),
@@ -227,7 +211,8 @@ void add_register(CLI::App& app, Context& context) {
                    "estimate: the scans may have different units; fixed: they have one")
       ->check(CLI::IsMember({"estimate", "fixed"}))
       ->capture_default_str();
-  verb->add_option("--refine", request->refine, "icp, or none: only the rough steps of the search")
+  verb->add_option("--refine", request->refine,
+                   "icp, or none: the pose that the features agree on, judged after ICP")
       ->check(CLI::IsMember({"icp", "none"}))
       ->capture_default_str();
   verb->add_option("--max-rotation", request->max_rotation_deg,

@@ -72,14 +72,14 @@ Assembled solve(Context& context, const RegisterAllRequest& request) {
 Json document_of(const Assembled& found, const RegisterAllRequest& request) {
   Json transforms = Json::object();
   Json unregistered = Json::array();
-  Json warnings = Json::object();
+  Json warnings = Json::array();
   for (std::size_t i = 0; i < request.scans.size(); ++i) {
     if (found.poses[i]) {
       transforms[request.scans[i]] = matrix_of(*found.poses[i]);
     } else {
       unregistered.push_back(request.scans[i]);
     }
-    warnings[request.scans[i]] = to_json(found.scans[i].warnings);
+    for (const Json& one : warnings_of(request.scans[i], found.scans[i])) warnings.push_back(one);
   }
   Json pairs = Json::array();
   for (const ScanPairResult& pair : found.result.pairs) {

@@ -16,7 +16,8 @@ Pose local_to_input(const LoadedSurface& surface) {
 ScanFeatures describe_loaded(const LoadedSurface& surface, double scale, const RunControl& run) {
   const SurfaceGraph& graph = surface.graph;
   if (graph.is_mesh()) return describe_scan(Mesh{scale * graph.points, graph.triangles}, {}, run);
-  return describe_scan(PointCloud{scale * graph.points, Points(0, 3)}, {}, run);
+  const Points normals = surface.has_given_normals ? graph.normals : Points(0, 3);
+  return describe_scan(PointCloud{scale * graph.points, normals}, {}, run);
 }
 
 Json matrix_of(const Pose& pose) {
@@ -29,6 +30,12 @@ Json matrix_of(const Pose& pose) {
   }
   rows.push_back({0.0, 0.0, 0.0, 1.0});
   return rows;
+}
+
+Json warnings_of(const std::string& file, const LoadedSurface& surface) {
+  Json list = to_json(surface.warnings);
+  for (Json& warning : list) warning["file"] = file;
+  return list;
 }
 
 SurfaceOutput as_given(const LoadedSurface& surface) {

@@ -16,6 +16,9 @@ ScanFeatures describe_loaded(const LoadedSurface& surface, double scale, const R
 /// 4 by 4, rows.
 nlohmann::ordered_json matrix_of(const Pose& pose);
 
+/// The warnings of one of several files: each says which.
+nlohmann::ordered_json warnings_of(const std::string& file, const LoadedSurface& surface);
+
 /// The scan with the vertices of its file.
 SurfaceOutput as_given(const LoadedSurface& surface);
 

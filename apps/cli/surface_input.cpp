@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <numeric>
 
 #include "dupin/base/error.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mesh/heal.h"
+#include "dupin/surface/signal_noise.h"
 
 namespace dupin::cli {
 namespace {
@@ -73,6 +75,7 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
   const auto count = static_cast<Index>(out.input_vertex.size());
   out.points.resize(count, 3);
   const bool has_normals = file.mesh.normals.rows() == out.num_input_vertices;
+  out.has_given_normals = has_normals;
   if (has_normals) cloud.normals.resize(count, 3);
   for (Index a = 0; a < count; ++a) {
     const std::int32_t v = out.input_vertex[static_cast<std::size_t>(a)];
@@ -129,6 +132,24 @@ double require_comparable_noise(double sigma) {
     throw InvalidArgument("noise is more than 1000 times the size of the surface",
                           "it is a length in the unit of the input");
   return sigma < 1e-15 ? 0.0 : sigma;
+}
+
+double noise_sigma_of(const std::string& noise, LoadedSurface& surface, const Context& context,
+                      const RunControl& run) {
+  if (noise.empty() || noise == "auto") {
+    NoiseLevelOptions options;
+    options.seed = context.seed;
+    const NoiseLevel level = noise_level_of(surface, options, context, run);
+    return std::max(level.sigma, estimate_rounding(surface.points) / surface.unit);
+  }
+  double sigma = 0.0;
+  const char* end = noise.data() + noise.size();
+  const auto parsed = std::from_chars(noise.data(), end, sigma);
+  if (parsed.ec != std::errc() || parsed.ptr != end || !std::isfinite(sigma) || sigma < 0.0) {
+    throw InvalidArgument("noise is \"" + escaped(noise, 40) +
+                          "\", expected auto or a length >= 0 in the unit of the input");
+  }
+  return require_comparable_noise(sigma / surface.unit);
 }
 
 std::string place_of(const LoadedSurface& surface, Index vertex) {

@@ -23,8 +23,9 @@ struct LoadedSurface {
   std::vector<std::int32_t>
       analysis_vertex;  ///< #V: vertex of the graph, or -1 (isolated, dropped)
   Eigen::Index num_input_vertices = 0;
-  Points input_points;   ///< #V by 3 as given
-  WarningList warnings;  ///< of reading and repairing
+  bool has_given_normals = false;  ///< of a cloud: the file says which side is outward
+  Points input_points;             ///< #V by 3 as given
+  WarningList warnings;            ///< of reading and repairing
 
   /// A per-vertex value of the graph in the numbering of the input; `missing` where there is none.
   Eigen::VectorXd to_input(const Eigen::VectorXd& values, double missing = 0.0) const;
@@ -44,6 +45,13 @@ const std::vector<std::string>& surface_extensions();
 /// A noise level in local units, where a surface is about one across: 0 if rounding hides it.
 /// @throws InvalidArgument above 1000, where no first order and no square of it means anything
 double require_comparable_noise(double sigma);
+
+/// What --noise says, in local units: empty or "auto" is estimate_noise(), at least the rounding of
+/// the coordinates (no file holds its points better), anything else a length.
+/// @throws InvalidArgument for another word, a negative length, or as require_comparable_noise();
+///   AnalysisError as estimate_noise()
+double noise_sigma_of(const std::string& noise, LoadedSurface& surface, const Context& context,
+                      const RunControl& run);
 
 /// A vertex of the analysis as people know it: "vertex 5" or "point 5" of the input.
 std::string place_of(const LoadedSurface& surface, Eigen::Index vertex);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -18,6 +17,7 @@
 #include "dupin/io/file.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/render/range_view.h"
+#include "registered_scan.h"
 #include "surface_input.h"
 
 namespace dupin::cli {
@@ -39,26 +39,13 @@ struct ViewsRequest {
   bool is_shuffled = false;
 };
 
-// x -> rotation x + translation.
-struct Motion {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-};
-
 struct View {
   int position = 0;  // on the circle, from 0
   double azimuth_deg = 0.0;
-  RangeView range;
+  Mesh mesh;
   double noise_sigma = 0.0;
-  Motion world;  // from the points of the file to the input
+  Pose world;  // from the points of the file to the input
 };
-
-Eigen::Matrix3d random_rotation(Rng& rng) {
-  Eigen::Vector4d q = Eigen::Vector4d::Zero();
-  while (q.norm() < 1e-3) q << rng.normal(), rng.normal(), rng.normal(), rng.normal();
-  q.normalize();
-  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
-}
 
 View scan(const ViewsRequest& request, const Mesh& mesh, int position, std::uint64_t seed,
           const RunControl& run) {
@@ -78,30 +65,19 @@ View scan(const ViewsRequest& request, const Mesh& mesh, int position, std::uint
   options.noise_sigma = view.noise_sigma;
   options.seed = seed;
   options.max_incidence_deg = request.max_incidence_deg;
-  view.range = scan_range_view(mesh, camera, options, run);
-  view.world = {camera.rotation.transpose(), camera.position};
+  // Only the mesh: a picture of every view would fill the memory.
+  view.mesh = scan_range_view(mesh, camera, options, run).mesh;
+  view.world = {1.0, camera.rotation.transpose(), camera.position};
   return view;
 }
 
 // Moves the points of a view by a random motion, and keeps the way back.
 void scramble(View& view, double size, Rng& rng) {
-  const Eigen::Matrix3d turn = random_rotation(rng);
-  const Eigen::Vector3d shift(rng.uniform(-size, size), rng.uniform(-size, size),
-                              rng.uniform(-size, size));
-  Points& points = view.range.mesh.points;
-  points = (points * turn.transpose()).rowwise() + shift.transpose();
-  view.world.rotation = view.world.rotation * turn.transpose();
-  view.world.translation -= view.world.rotation * shift;
-}
-
-nlohmann::ordered_json matrix_of(const Motion& motion) {
-  auto rows = nlohmann::ordered_json::array();
-  for (int r = 0; r < 3; ++r) {
-    rows.push_back({motion.rotation(r, 0), motion.rotation(r, 1), motion.rotation(r, 2),
-                    motion.translation[r]});
-  }
-  rows.push_back({0.0, 0.0, 0.0, 1.0});
-  return rows;
+  Pose motion;
+  motion.rotation = random_rotation(rng);
+  for (Eigen::Index k = 0; k < 3; ++k) motion.translation[k] = rng.uniform(-size, size);
+  view.mesh.points = transformed(view.mesh.points, motion);
+  view.world = compose(view.world, inverse(motion));
 }
 
 std::vector<View> scan_all(const Context& context, const ViewsRequest& request, const Mesh& mesh) {
@@ -138,8 +114,8 @@ nlohmann::ordered_json write_views(const ViewsRequest& request, const std::vecto
     const View& view = views[i];
     const std::string name = fmt::format("view_{:03}.ply", i);
     SurfaceOutput output;
-    output.points = view.range.mesh.points;
-    output.triangles = view.range.mesh.triangles;
+    output.points = view.mesh.points;
+    output.triangles = view.mesh.triangles;
     write_surface((fs::path(request.output) / name).string(), output, SurfaceFormat::ply_binary);
     list.push_back({{"file", name},
                     {"position", view.position},

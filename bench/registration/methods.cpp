@@ -36,6 +36,15 @@ Answer timed(const std::function<void(Answer&)>& work) {
   return answer;
 }
 
+Answer by_product(const test::ScanPair& pair, bool is_cloud, const RegistrationOptions& options) {
+  return timed([&](Answer& answer) {
+    const RegistrationResult found = register_scans(features_of(pair.moving, is_bare(pair.moving)),
+                                                    features_of(pair.fixed, is_cloud), options);
+    answer.is_accepted = found.accepted;
+    answer.pose = found.pose;
+  });
+}
+
 Answer by_thesis(const test::ScanPair& pair, bool is_cloud, Signal signal) {
   return timed([&](Answer& answer) {
     ThesisRegistrationOptions options;
@@ -57,15 +66,15 @@ double cpu_seconds() {
 
 std::vector<Method> registration_methods() {
   std::vector<Method> methods;
-  methods.push_back({"dupin", false, [](const test::ScanPair& pair, bool is_cloud) {
-                       return timed([&](Answer& answer) {
-                         const RegistrationResult found =
-                             register_scans(features_of(pair.moving, is_bare(pair.moving)),
-                                            features_of(pair.fixed, is_cloud));
-                         answer.is_accepted = found.accepted;
-                         answer.pose = found.pose;
-                       });
-                     }});
+  for (const bool estimates_scale : {false, true}) {
+    methods.push_back({estimates_scale ? "dupin, unknown scale" : "dupin", !estimates_scale,
+                       [estimates_scale](const test::ScanPair& pair, bool is_cloud) {
+                         RegistrationOptions options;
+                         options.estimate_scale = estimates_scale;
+                         options.try_given_pose = false;
+                         return by_product(pair, is_cloud, options);
+                       }});
+  }
   methods.push_back({"thesis 5.5, height", true, [](const test::ScanPair& pair, bool is_cloud) {
                        return by_thesis(pair, is_cloud, Signal::height);
                      }});
@@ -73,6 +82,14 @@ std::vector<Method> registration_methods() {
                        return by_thesis(pair, is_cloud, Signal::mean);
                      }});
   return methods;
+}
+
+Method from_given_pose() {
+  return {"dupin, from the given pose", true, [](const test::ScanPair& pair, bool is_cloud) {
+            RegistrationOptions options;
+            options.estimate_scale = false;
+            return by_product(pair, is_cloud, options);
+          }};
 }
 
 std::vector<PoseEstimator> pose_estimators() {

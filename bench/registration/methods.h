@@ -25,8 +25,11 @@ struct Method {
   std::function<Answer(const test::ScanPair& pair, bool is_cloud)> run;
 };
 
-/// Our methods: those of this build.
+/// Our methods, blind: none starts from where the scans are.
 std::vector<Method> registration_methods();
+
+/// The product as users meet it: where the scans are is one of its starts.
+Method from_given_pose();
 
 /// A pose from point pairs most of which are wrong.
 struct PoseEstimator {

@@ -83,7 +83,16 @@ class Register(Law):
     def test_limits(self):
         turn = self.register(*self.files, "--max-rotation", "0.001", status=1)
         self.assertEqual(turn["refusal"], "rotation")
-        self.assertEqual(self.register(*self.files, "--refine", "none")["accepted"], True)
+
+    def test_without_icp_the_features_speak(self):
+        """Near the truth, as three mean edges over the size of the body allow, but not refined."""
+        refined = self.register(*self.files, "--scale", "fixed")
+        answer = self.register(*self.files, "--scale", "fixed", "--refine", "none")
+        self.assertTrue(answer["accepted"])
+        self.assertEqual(answer["confidence"], refined["confidence"])
+        self.assertIsNone(answer["rotation_sd"])
+        self.assertLess(angle_deg(answer["transform"], self.truth), 12.0)
+        self.assertGreater(angle_deg(answer["transform"], refined["transform"]), 0.01)
 
     def test_bad_input(self):
         write_ply(self.path("few.ply"), [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])

@@ -146,11 +146,8 @@ Mesh mirrored(const Mesh& mesh) {
 
 Pose random_pose(double diameter, double scale_range, std::uint64_t seed) {
   Rng rng(seed);
-  Eigen::Vector4d q = Eigen::Vector4d::Zero();
-  while (q.norm() < 1e-3) q << rng.normal(), rng.normal(), rng.normal(), rng.normal();
-  q.normalize();
   Pose out;
-  out.rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
+  out.rotation = random_rotation(rng);
   for (int c = 0; c < 3; ++c) out.translation[c] = rng.uniform(-diameter, diameter);
   const double reach = std::log(scale_range);
   if (reach > 0.0) out.scale = std::exp(rng.uniform(-reach, reach));

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "dupin/registration/sample_pairs.h"
+
 namespace dupin::detail {
 namespace {
 
@@ -19,21 +21,20 @@ Tally tally(const SurfaceSamples& surface, const SurfaceSamples& other, const Po
             double sign, double touching, double apart, Index every) {
   Tally tally;
   tally.all = (other.points.rows() + every - 1) / every;
-  if (surface.grid.empty()) return tally;
-  for (Index i = 0; i < other.points.rows(); i += every) {
-    const RowVector3d place = moved_point(other.points.row(i), pose);
-    const Index at = surface.near(place);
-    if (at < 0 || (surface.points.row(at) - place).norm() > apart) continue;
-    const RowVector3d normal = sign * turned_direction(other.normals.row(i), pose);
-    const auto foot = surface.foot(at, place);
-    if (foot && std::abs(foot->distance) <= touching && normal.dot(foot->normal) > 0.7) {
-      ++tally.touching;
-      tally.squares += foot->distance * foot->distance;
-    } else if (surface.is_border[static_cast<std::size_t>(at)] == 0 &&
-               normal.dot(surface.normals.row(at)) > 0.0) {
-      ++tally.apart;
-    }
-  }
+  visit_near_samples(
+      surface, other, pose, every,
+      [&](Index at, const RowVector3d& place, const RowVector3d& turned) {
+        if ((surface.points.row(at) - place).norm() > apart) return;
+        const RowVector3d normal = sign * turned;
+        const auto foot = surface.foot(at, place);
+        if (foot && std::abs(foot->distance) <= touching && normal.dot(foot->normal) > 0.7) {
+          ++tally.touching;
+          tally.squares += foot->distance * foot->distance;
+        } else if (surface.is_border[static_cast<std::size_t>(at)] == 0 &&
+                   normal.dot(surface.normals.row(at)) > 0.0) {
+          ++tally.apart;
+        }
+      });
   return tally;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dupin/base/error.h"
+#include "dupin/registration/sample_pairs.h"
 
 namespace dupin {
 namespace {
@@ -37,21 +38,17 @@ void check(const Pose& start, const IcpOptions& options) {
   require(options.tolerance > 0.0, "tolerance must be > 0");
 }
 
-// Samples of `points` (moved by `pose`) over the patches of `surface`.
+// Samples of `other` (moved by `pose`) over the patches of `surface`.
 template <class Add>
 void pair_with(const SurfaceSamples& surface, const SurfaceSamples& other, const Pose& pose,
                double sign, double bound, Index every, const Add& add) {
-  if (surface.grid.empty()) return;
-  for (Index i = 0; i < other.points.rows(); i += every) {
-    const RowVector3d place = moved_point(other.points.row(i), pose);
-    const Index at = surface.near(place);
-    if (at < 0) continue;
-    const auto foot = surface.foot(at, place);
-    if (!foot || std::abs(foot->distance) > bound) continue;
-    const RowVector3d normal = turned_direction(other.normals.row(i), pose);
-    if (sign * normal.dot(foot->normal) < kNormalCosine) continue;
-    add(place, *foot);
-  }
+  detail::visit_near_samples(surface, other, pose, every,
+                             [&](Index at, const RowVector3d& place, const RowVector3d& normal) {
+                               const auto foot = surface.foot(at, place);
+                               if (!foot || std::abs(foot->distance) > bound) return;
+                               if (sign * normal.dot(foot->normal) >= kNormalCosine)
+                                 add(place, *foot);
+                             });
 }
 
 // 1.4826 times the median magnitude: the standard deviation of the pairs that fit.
@@ -134,9 +131,8 @@ std::vector<SurfacePair> find_pairs(const SurfaceSamples& moving, const SurfaceS
   pair_with(moving, fixed, back, sign, bound / pose.scale, every,
             [&](const RowVector3d& point, const PatchFoot& foot) {
               // Seen from the fixed side, the moving surface lies as far below.
-              const RowVector3d place = transformed(Points(point), pose).row(0);
-              const RowVector3d normal =
-                  sign * (pose.rotation * foot.normal.transpose()).transpose();
+              const RowVector3d place = moved_point(point, pose);
+              const RowVector3d normal = sign * turned_direction(foot.normal, pose);
               const double distance = -sign * pose.scale * foot.distance;
               pairs.push_back({place + distance * normal, normal, distance});
             });

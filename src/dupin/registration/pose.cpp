@@ -89,6 +89,14 @@ Matrix3d rotation_of(const Vector3d& turn) {
   return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
 }
 
+Matrix3d random_rotation(Rng& rng) {
+  // A quaternion of normal deviates has no preferred direction.
+  Eigen::Vector4d q = Eigen::Vector4d::Zero();
+  while (q.norm() < 1e-3) q << rng.normal(), rng.normal(), rng.normal(), rng.normal();
+  q.normalize();
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
+}
+
 Pose fit_pose(const Points& from, const Points& to, const VectorXd& weights, bool with_scale) {
   check(from, to, weights);
   const VectorXd w = weights.size() > 0 ? weights : VectorXd::Ones(from.rows());

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "dupin/base/random.h"
 #include "dupin/mesh/mesh.h"
 
 namespace dupin {
@@ -38,6 +39,9 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m);
 
 /// Rotation by the length of `turn` [rad] about its direction.
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& turn);
+
+/// A rotation drawn evenly from all.
+Eigen::Matrix3d random_rotation(Rng& rng);
 
 /// Pose that takes `from` to `to` (#N by 3 each) with the least weighted sum of squares, in closed
 /// form (Umeyama, PAMI 1991; Arun et al., PAMI 1987): never a reflection. `weights` (#N, >= 0, or

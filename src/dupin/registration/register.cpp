@@ -148,7 +148,7 @@ Samples sample_finely(const ScanFeatures& moving, const ScanFeatures& fixed, dou
   const double size = std::max(fixed.diameter, scale * moving.diameter);
   SurfaceSampleOptions options;
   options.radius = std::max(5.0 * std::max(edge(fixed), scale * edge(moving)), size / 120.0);
-  options.spacing = 0.85 * options.radius;
+  options.spacing = 0.6 * options.radius;
   return sample_both(moving.points, moving.normals, fixed.points, fixed.normals, scale, options,
                      run);
 }
@@ -162,6 +162,7 @@ RegistrationResult cancelled_result() {
 // A pose on its way from the features to the surfaces.
 struct Trial {
   PoseCandidate candidate;
+  Pose start;  // what the features say
   std::vector<FeaturePair> pairs;
 };
 
@@ -233,13 +234,16 @@ class Search {
     icp.max_iterations = max_iterations;
     icp.every = std::max<Index>(1, samples_.moving.points.rows() / wanted_samples);
     icp.tolerance = 1e-2;
-    candidate.pose = refine_pose(samples_.moving, samples_.fixed, candidate.pose, icp, run_).pose;
+    candidate.pose =
+        refine_pose(samples_.moving, samples_.fixed, candidate.pose, icp, run_.stage(0.6, 0.6))
+            .pose;
     candidate.fit = detail::assess_pose(samples_.moving, samples_.fixed, candidate.pose,
                                         candidate.is_flipped, samples_.bounds, icp.every);
   }
 
   Trial start(const PoseHypothesis& hypothesis, const std::vector<FeatureMatch>& matches) const {
     Trial trial;
+    trial.start = hypothesis.pose;
     trial.candidate.pose = hypothesis.pose;
     trial.candidate.is_flipped = hypothesis.is_flipped;
     trial.candidate.matches = static_cast<int>(hypothesis.members.size());
@@ -303,7 +307,7 @@ class Search {
     icp.is_flipped = candidate.is_flipped;
     icp.start_distance = 2.0 * fine.fixed.spacing;
     const IcpResult refined = refine_pose(fine.moving, fine.fixed, candidate.pose, icp, run);
-    if (options_.refine) candidate.pose = refined.pose;
+    candidate.pose = refined.pose;
     candidate.fit = detail::assess_pose(samples_.moving, samples_.fixed, candidate.pose,
                                         candidate.is_flipped, samples_.bounds);
     candidate.fit.stability = stability_of(refined, options_.estimate_scale);
@@ -335,7 +339,7 @@ class Search {
     for (size_t k = 1; k < trials_.size() && result.alternatives.size() < 8; ++k) {
       PoseCandidate other = trials_[k].candidate;
       if (score_of(other.fit) < 0.6 * score || is_same(other.pose, winner.candidate.pose)) continue;
-      refine_fully(other, fine_samples, run_);
+      refine_fully(other, fine_samples, run_.stage(0.9, 0.9));
       const auto is_known = [&](const PoseCandidate& known) {
         return is_same(known.pose, other.pose);
       };
@@ -346,12 +350,13 @@ class Search {
       result.alternatives.push_back(other);
     }
     result.best = winner.candidate;
-    result.pose = winner.candidate.pose;
+    if (!options_.refine) result.best.pose = winner.start;
+    result.pose = result.best.pose;
     result.correspondences = std::move(winner.pairs);
     result.center = fine.center;
     result.refusal = judge(result.best);
     result.accepted = result.refusal == Refusal::none;
-    if (result.accepted) {
+    if (result.accepted && options_.refine) {
       result.covariance = covariance_of(fine, fine_samples.moving, fine_samples.fixed,
                                         result.best.fit, options_.estimate_scale);
     }

@@ -28,7 +28,9 @@ struct RegistrationOptions {
   bool estimate_scale = true;
   double scale = 1.0;         ///< used where the scale is not estimated, > 0
   double max_rotation = 4.0;  ///< [rad]; > pi: any
-  bool refine = true;         ///< on patches of all points; false: only the rough ICP of the search
+  /// false: the pose that the features agree on, as it is. Whether it is accepted, and all that is
+  /// told of it, is still judged after ICP.
+  bool refine = true;
   double min_confidence = 0.5;  ///< of an accepted pose, in [0, 1]
   bool try_given_pose = true;   ///< also start from `given_pose`: where the scans are
   Pose given_pose;
@@ -70,8 +72,8 @@ struct RegistrationResult {
   std::vector<PoseCandidate> alternatives;
   std::vector<FeaturePair> correspondences;  ///< features that agree on the pose
   /// Covariance of rotation vector about `center` [rad], shift of `center` [mu of fixed] and
-  /// logarithm of the scale, from what the points deviate from their patches. Only of accepted
-  /// poses; else zero, as nothing is known.
+  /// logarithm of the scale, from what the points deviate from their patches. Only of accepted,
+  /// refined poses; else zero, as nothing is known.
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of the overlap [mu of fixed]
   Eigen::Index num_matches = 0;                      ///< candidates that the features gave

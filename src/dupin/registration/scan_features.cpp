@@ -11,6 +11,7 @@
 #include "dupin/base/error.h"
 #include "dupin/features/keypoints.h"
 #include "dupin/mls/noise_level.h"
+#include "dupin/registration/grid_cells.h"
 #include "dupin/scalespace/diffusion_operator.h"
 #include "dupin/scalespace/scale_space.h"
 #include "dupin/spatial/neighborhoods.h"
@@ -19,6 +20,7 @@
 namespace dupin {
 namespace {
 
+using detail::GridCells;
 using Eigen::Index;
 using Eigen::RowVector3d;
 using std::size_t;
@@ -42,34 +44,9 @@ void check(Index num_points, const ScanFeatureOptions& options) {
   }
 }
 
-// Cells of a grid in ascending order of a key, and the cell of every point.
-struct Cells {
-  Index count = 0;
-  std::vector<std::int32_t> cell_of;  // #V; -1: in a cell that was dropped
-};
-
-Cells cells_of(const Points& points, double step) {
-  const RowVector3d low = points.colwise().minCoeff();
-  std::vector<std::pair<std::uint64_t, std::int32_t>> keys(static_cast<size_t>(points.rows()));
-  for (Index i = 0; i < points.rows(); ++i) {
-    std::uint64_t key = 0;
-    for (Index k = 0; k < 3; ++k)
-      key = key << 21U | static_cast<std::uint64_t>((points(i, k) - low[k]) / step);
-    keys[static_cast<size_t>(i)] = {key, static_cast<std::int32_t>(i)};
-  }
-  std::sort(keys.begin(), keys.end());
-  Cells cells;
-  cells.cell_of.resize(keys.size());
-  for (size_t i = 0; i < keys.size(); ++i) {
-    if (i == 0 || keys[i].first != keys[i - 1].first) ++cells.count;
-    cells.cell_of[static_cast<size_t>(keys[i].second)] = static_cast<std::int32_t>(cells.count - 1);
-  }
-  return cells;
-}
-
 // Cells that the surface only grazes hold few points: their means are noisy and lie near those of
 // their neighbours. What they hold is about what they take from the evenness of the others.
-void drop_grazed(Cells& cells) {
+void drop_grazed(GridCells& cells) {
   std::vector<std::int32_t> size(static_cast<size_t>(cells.count), 0);
   for (const std::int32_t c : cells.cell_of) ++size[static_cast<size_t>(c)];
   const double mean = static_cast<double>(cells.cell_of.size()) / static_cast<double>(cells.count);
@@ -83,21 +60,21 @@ void drop_grazed(Cells& cells) {
 }
 
 // Cells of a size that leaves about `wanted` of them: their number falls with its square.
-Cells thinning_cells(const Points& points, double diameter, Index wanted) {
+GridCells thinning_cells(const Points& points, double diameter, Index wanted) {
   double step = diameter / 100.0;
-  Cells cells = cells_of(points, step);
+  GridCells cells = detail::grid_cells(points, step);
   for (int round = 0; round < 3; ++round) {
     const double ratio = static_cast<double>(cells.count) / static_cast<double>(wanted);
     if (ratio > 0.9 && ratio < 1.15) break;
     step = std::max(step * std::sqrt(ratio), diameter * 1e-6);
-    cells = cells_of(points, step);
+    cells = detail::grid_cells(points, step);
   }
   drop_grazed(cells);
   return cells;
 }
 
 // Mean of the rows of every cell.
-Points means_of(const Points& rows, const Cells& cells) {
+Points means_of(const Points& rows, const GridCells& cells) {
   Points sum = Points::Zero(cells.count, 3);
   Eigen::VectorXd count = Eigen::VectorXd::Zero(cells.count);
   for (Index i = 0; i < rows.rows(); ++i) {
@@ -220,7 +197,7 @@ void require_extent(double mean_edge) {
 }
 
 // Everything but the graph. `cells`: of the points of the scan in the graph; empty: one each.
-ScanFeatures describe(ScanFeatures scan, const SurfaceGraph& graph, const Cells& cells,
+ScanFeatures describe(ScanFeatures scan, const SurfaceGraph& graph, const GridCells& cells,
                       const ScanFeatureOptions& options, const RunControl& run) {
   scan.coarse = graph.points;
   scan.mean_edge = mean_edge_of(graph);
@@ -265,23 +242,8 @@ ScanFeatures describe(ScanFeatures scan, const SurfaceGraph& graph, const Cells&
   return cancelled;
 }
 
-// Of the box between the hundredths of every coordinate, stretched to what it is of a full box: a
-// few stray points far away are no part of the object.
-double diameter_of(const Points& points) {
-  Eigen::RowVector3d size;
-  std::vector<double> values(static_cast<size_t>(points.rows()));
-  const auto hundredth = static_cast<std::ptrdiff_t>(values.size() / 100);
-  for (Index k = 0; k < 3; ++k) {
-    for (Index i = 0; i < points.rows(); ++i) values[static_cast<size_t>(i)] = points(i, k);
-    const auto low = values.begin() + hundredth;
-    const auto high = values.end() - 1 - hundredth;
-    std::nth_element(values.begin(), low, values.end());
-    size[k] = -*low;
-    std::nth_element(values.begin(), high, values.end());
-    size[k] += *high;
-  }
-  return size.norm() / 0.98;
-}
+// Diagonal of the core box, stretched to what it is of a full one.
+double diameter_of(const Points& points) { return detail::core_box(points).size().norm() / 0.98; }
 
 }  // namespace
 
@@ -293,7 +255,7 @@ ScanFeatures describe_scan(const Mesh& mesh, const ScanFeatureOptions& options, 
   if (mesh.points.rows() <= options.coarse_points * 5 / 4 || !(scan.diameter > 0.0))
     return describe(std::move(scan), surface_graph(mesh), {}, options, run);
   validate(mesh);
-  const Cells cells = thinning_cells(mesh.points, scan.diameter, options.coarse_points);
+  const GridCells cells = thinning_cells(mesh.points, scan.diameter, options.coarse_points);
   PointCloud coarse;
   coarse.points = means_of(mesh.points, cells);
   coarse.normals = means_of(vertex_normals(mesh), cells);
@@ -326,7 +288,7 @@ ScanFeatures describe_scan(const PointCloud& cloud, const ScanFeatureOptions& op
   if (cloud.points.rows() <= options.coarse_points * 5 / 4 || !(scan.diameter > 0.0))
     return describe(std::move(scan), surface_graph(cloud, {}, run.stage(0.0, 0.2)), {}, options,
                     run);
-  const Cells cells = thinning_cells(cloud.points, scan.diameter, options.coarse_points);
+  const GridCells cells = thinning_cells(cloud.points, scan.diameter, options.coarse_points);
   PointCloud coarse;
   coarse.points = means_of(cloud.points, cells);
   if (scan.has_sides) coarse.normals = means_of(cloud.normals, cells);

@@ -1,13 +1,13 @@
 #include "dupin/registration/surface_samples.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include "dupin/base/error.h"
+#include "dupin/registration/grid_cells.h"
 #include "dupin/spatial/neighborhoods.h"
 
 namespace dupin {
@@ -30,31 +30,12 @@ void check(const Points& points, const Points& normals, const SurfaceSampleOptio
 
 // The point nearest to the centre of every occupied cell, by cell.
 std::vector<std::int32_t> thin(const Points& points, double spacing) {
-  const RowVector3d low = points.colwise().minCoeff();
-  struct Entry {
-    std::array<std::int64_t, 3> cell;
-    double away;
-    std::int32_t index;
-  };
-  std::vector<Entry> entries(static_cast<size_t>(points.rows()));
-  for (Index i = 0; i < points.rows(); ++i) {
-    Entry& entry = entries[static_cast<size_t>(i)];
-    entry.index = static_cast<std::int32_t>(i);
-    entry.away = 0.0;
-    for (Index k = 0; k < 3; ++k) {
-      const double at = (points(i, k) - low[k]) / spacing;
-      const double cell = std::floor(at);
-      entry.cell[static_cast<size_t>(k)] = static_cast<std::int64_t>(cell);
-      entry.away += (at - cell - 0.5) * (at - cell - 0.5);
-    }
-  }
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    if (a.cell != b.cell) return a.cell < b.cell;
-    return a.away != b.away ? a.away < b.away : a.index < b.index;
-  });
-  std::vector<std::int32_t> kept;
-  for (size_t i = 0; i < entries.size(); ++i) {
-    if (i == 0 || entries[i].cell != entries[i - 1].cell) kept.push_back(entries[i].index);
+  const detail::GridCells cells = detail::grid_cells(points, spacing);
+  std::vector<std::int32_t> kept(static_cast<size_t>(cells.count), -1);
+  for (size_t i = 0; i < cells.cell_of.size(); ++i) {
+    std::int32_t& best = kept[static_cast<size_t>(cells.cell_of[i])];
+    if (best < 0 || cells.off_center[i] < cells.off_center[static_cast<size_t>(best)])
+      best = static_cast<std::int32_t>(i);
   }
   return kept;
 }
@@ -90,8 +71,13 @@ constexpr double kMaxCells = 120.0;  // along the longest side of the grid
 
 void fill_grid(SurfaceSamples& samples) {
   if (samples.points.rows() == 0) return;
-  const RowVector3d low = samples.points.colwise().minCoeff();
-  const RowVector3d size = samples.points.colwise().maxCoeff() - low;
+  // The object, and as much again around it: what lies beyond is not looked for.
+  const detail::CoreBox core = detail::core_box(samples.points);
+  const RowVector3d low =
+      samples.points.colwise().minCoeff().cwiseMax(core.low - 0.5 * core.size());
+  const RowVector3d high =
+      samples.points.colwise().maxCoeff().cwiseMin(core.high + 0.5 * core.size());
+  const RowVector3d size = high - low;
   const double step = std::max(samples.spacing, size.maxCoeff() / kMaxCells);
   samples.grid_step = step;
   samples.grid_origin = low.array() - (kReach + 0.5) * step;
@@ -105,6 +91,8 @@ void fill_grid(SurfaceSamples& samples) {
   std::vector<float> away(cells, std::numeric_limits<float>::max());
   for (Index i = 0; i < samples.points.rows(); ++i) {
     const RowVector3d at = (samples.points.row(i) - samples.grid_origin) / step;
+    if ((at.array() < 0.0).any() || (at.array() >= n.transpose().cast<double>().array()).any())
+      continue;
     const Eigen::Vector3i cell = at.array().floor().matrix().transpose().cast<int>();
     for (int x = std::max(0, cell[0] - kReach); x <= std::min(n[0] - 1, cell[0] + kReach); ++x) {
       for (int y = std::max(0, cell[1] - kReach); y <= std::min(n[1] - 1, cell[1] + kReach); ++y) {

@@ -13,6 +13,7 @@
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
 #include "dupin/mesh/shapes.h"
+#include "tests/support/rugged_body.h"
 #include "tests/support/scan_pair.h"
 
 namespace dupin {
@@ -47,23 +48,8 @@ const Mesh& bumpy() {
 /// An ellipsoid with 300 bumps and dents of many heights and widths: on one of equal, round bumps
 /// frames have no direction and descriptors do not differ.
 const Mesh& rugged() {
-  static const Mesh mesh = [] {
-    Mesh solid = make_sphere(1.0, 20'000).mesh;
-    Rng rng(5);
-    VectorXd radius = VectorXd::Ones(solid.points.rows());
-    for (int i = 0; i < 300; ++i) {
-      const Eigen::Vector3d center =
-          Eigen::Vector3d(rng.normal(), rng.normal(), rng.normal()).normalized();
-      const double height = rng.uniform(-0.1, 0.1);
-      const double width = rng.uniform(0.05, 0.2);
-      radius.array() += height * ((solid.points * center).array() - 1.0).unaryExpr([&](double x) {
-        return std::exp(x / (width * width));
-      });
-    }
-    solid.points = radius.asDiagonal() * solid.points;
-    solid.points *= Eigen::Vector3d(1.0, 0.8, 0.6).asDiagonal();
-    return solid;
-  }();
+  static const Mesh mesh =
+      test::rugged_body(5, 20'000, {300, 0.1, 0.05, 0.2, Eigen::Vector3d(1.0, 0.8, 0.6)});
   return mesh;
 }
 
