@@ -289,7 +289,8 @@ CrestSet find_crest_lines(const SurfaceGraph& graph, const CrestOptions& options
   }
   for (const CrestKind kind : {CrestKind::ridge, CrestKind::valley}) {
     if (run.cancelled()) return cancelled();
-    const BendField field = detail::bend_field(graph, *stack, set.level, stencil, kind);
+    const BendField field =
+        detail::bend_field(graph, *stack, set.level, detail::draw_ratio(options), stencil, kind);
     detail::assemble_lines(make_chains(graph, choice, set.level, field, kind, options.level > 0),
                            kind, graph.mean_edge, options, set.lines);
   }

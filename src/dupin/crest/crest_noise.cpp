@@ -10,6 +10,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
+#include "dupin/crest/line_assembly.h"
 #include "dupin/crest/ridge_segments.h"
 #include "dupin/crest/tensor_stack.h"
 
@@ -52,9 +53,10 @@ std::optional<Readings> read(const SurfaceGraph& graph, const Points& points, co
   const std::optional<TensorStack> stack = detail::make_tensor_stack(
       graph, points, {options.schedule, options.filter, options.normal_smoothing}, stencil, run);
   if (!stack) return std::nullopt;
+  const double ratio = detail::draw_ratio(options);
   const std::array<BendField, 2> field = {
-      detail::bend_field(graph, *stack, set.level, stencil, CrestKind::ridge),
-      detail::bend_field(graph, *stack, set.level, stencil, CrestKind::valley)};
+      detail::bend_field(graph, *stack, set.level, ratio, stencil, CrestKind::ridge),
+      detail::bend_field(graph, *stack, set.level, ratio, stencil, CrestKind::valley)};
   Readings readings(set.lines.size());
   parallel_for(0, static_cast<Index>(readings.size()), 1, [&](Index first, Index last) {
     for (Index i = first; i < last; ++i) {

@@ -14,6 +14,12 @@ using Chain = std::vector<CrestPoint>;
 /// sigma / e^2 (docs/methods/crest_lines.md) [1/mu].
 double plane_noise(double tau, double sigma, double mean_edge);
 
+/// Ratio of tau over which lines are extrapolated: from where they are drawn to their scale, not at
+/// all on one level alone, which shows the surface as smoothed.
+inline double draw_ratio(const CrestOptions& options) {
+  return options.level > 0 ? 1.0 : 1.0 / options.drawn_share;
+}
+
 /// Hysteresis on the strength, joining of ends across gaps, least length and sharpness of
 /// CrestOptions. Adds the lines of one kind to `lines`.
 void assemble_lines(const std::vector<Chain>& chains, CrestKind kind, double mean_edge,

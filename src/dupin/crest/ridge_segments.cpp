@@ -110,7 +110,8 @@ bool is_before(const EdgeCrossing& a, const EdgeCrossing& b) {
 }  // namespace
 
 BendField bend_field(const SurfaceGraph& graph, const TensorStack& stack,
-                     const Eigen::VectorXd& level, const GradientStencil& stencil, CrestKind kind) {
+                     const Eigen::VectorXd& level, double ratio, const GradientStencil& stencil,
+                     CrestKind kind) {
   const Index count = graph.points.rows();
   const bool is_ridge = kind == CrestKind::ridge;
   const Adjacency& ring = graph.topology.ring;
@@ -121,7 +122,7 @@ BendField bend_field(const SurfaceGraph& graph, const TensorStack& stack,
   out.extremality.resize(count);
   parallel_for(0, count, kVertexGrain, [&](Index first, Index last) {
     for (Index v = first; v < last; ++v) {
-      const PrincipalFrame frame = principal_frame(stack, v, level[v]);
+      const PrincipalFrame frame = principal_frame(stack, v, level[v], ratio);
       out.bend[v] = is_ridge ? frame.k1 : -frame.k2;
       out.strength[v] = std::abs(out.bend[v]) - std::abs(is_ridge ? frame.k2 : frame.k1);
       out.direction.row(v) = is_ridge ? frame.d1 : frame.d2;

@@ -18,9 +18,11 @@ struct BendField {
   Eigen::VectorXd extremality;  ///< #V: slope of bend along direction, of its sign [1/mu^2]
 };
 
-/// The bend of `kind` where vertex v is smoothed to level[v].
+/// The bend of `kind` where vertex v is smoothed to level[v], extrapolated with `ratio` as
+/// principal_frame() does.
 BendField bend_field(const SurfaceGraph& graph, const TensorStack& stack,
-                     const Eigen::VectorXd& level, const GradientStencil& stencil, CrestKind kind);
+                     const Eigen::VectorXd& level, double ratio, const GradientStencil& stencil,
+                     CrestKind kind);
 
 template <class Values>
 double interpolate(const Values& values, const EdgeCrossing& c) {

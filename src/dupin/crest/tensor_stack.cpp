@@ -53,6 +53,40 @@ bool tangential(const std::array<double, kColumns>& x, Plane& plane) {
   return true;
 }
 
+// A value between two levels.
+template <class Values>
+double between(const Values& values, double level) {
+  const auto below = static_cast<Index>(level);
+  const Index above = std::min(below + 1, values.size() - 1);
+  const double weight = level - static_cast<double>(below);
+  return (1.0 - weight) * static_cast<double>(values[below]) +
+         weight * static_cast<double>(values[above]);
+}
+
+// The tensor at `near` and `gain` times its difference from that at `far`.
+struct Extrapolation {
+  double near = 0.0;
+  double far = 0.0;
+  double gain = 0.0;
+};
+
+Extrapolation extrapolation(const TensorStack& stack, double level, double ratio) {
+  const auto last = static_cast<double>(stack.num_levels() - 1);
+  Extrapolation at;
+  at.near = std::clamp(level, 0.0, last);
+  if (!(ratio > 1.0)) return at;
+  const double tau = between(stack.tau, at.near);
+  const double far = std::min(ratio * tau, stack.tau[stack.num_levels() - 1]);
+  if (!(far > tau)) return at;
+  auto below = static_cast<Index>(at.near);
+  while (below + 2 < stack.num_levels() && stack.tau[below + 1] <= far) ++below;
+  at.far = static_cast<double>(below) +
+           (far - stack.tau[below]) / (stack.tau[below + 1] - stack.tau[below]);
+  // Less towards the coarsest level, beyond which there is nothing to compare with.
+  at.gain = std::min(tau / (far - tau), 1.0 / (ratio - 1.0));
+  return at;
+}
+
 }  // namespace
 
 GradientStencil gradient_stencil(const Points& points, const Triangles& triangles,
@@ -171,15 +205,13 @@ std::optional<TensorStack> make_tensor_stack(const SurfaceGraph& graph, const Po
   return stack;
 }
 
-PrincipalFrame principal_frame(const TensorStack& stack, Index vertex, double level) {
-  const double at = std::clamp(level, 0.0, static_cast<double>(stack.num_levels() - 1));
-  const auto below = static_cast<Index>(at);
-  const Index above = std::min(below + 1, stack.num_levels() - 1);
-  const double weight = at - static_cast<double>(below);
+PrincipalFrame principal_frame(const TensorStack& stack, Index vertex, double level, double ratio) {
+  const Extrapolation at = extrapolation(stack, level, ratio);
   std::array<double, kColumns> x{};
   for (size_t c = 0; c < kColumns; ++c) {
-    x[c] = (1.0 - weight) * static_cast<double>(stack.column[c](below, vertex)) +
-           weight * static_cast<double>(stack.column[c](above, vertex));
+    const auto values = stack.column[c].col(vertex);
+    x[c] = between(values, at.near);
+    if (c < 6 && at.gain > 0.0) x[c] += at.gain * (x[c] - between(values, at.far));
   }
   PrincipalFrame frame;
   Plane plane;

@@ -131,6 +131,36 @@ TEST(NormalGradient, OfASphereIsTheProjectorOverTheRadius) {
   }
 }
 
+// A tensor that is linear in tau, diag(3 + tau, 2 - tau) in the plane z = 0: extrapolated to no
+// smoothing it is diag(3, 2) from every level that has a level r tau beyond it, between levels too;
+// at the coarsest there is nothing to compare with.
+TEST(PrincipalFrame, IsExtrapolatedToNoSmoothingWhereTheTensorIsLinear) {
+  detail::TensorStack stack;
+  stack.tau = Eigen::VectorXd::LinSpaced(9, 1.0, 5.0).array().square();
+  for (int c = 0; c < 9; ++c) stack.column.push_back(LevelMatrixF::Zero(9, 1));
+  for (Eigen::Index l = 0; l < 9; ++l) {
+    stack.column[0](l, 0) = static_cast<float>(3.0 + stack.tau[l]);
+    stack.column[3](l, 0) = static_cast<float>(2.0 - stack.tau[l]);
+    stack.column[8](l, 0) = 1.0F;
+  }
+  for (const double level : {0.0, 1.0, 2.3, 5.9}) {
+    const detail::PrincipalFrame plain = detail::principal_frame(stack, 0, level);
+    EXPECT_GT(plain.k1 - plain.k2, 2.9) << level;
+    for (const double ratio : {1.25, 1.6, 2.0}) {
+      if (level > 4.0 && ratio > 1.5) continue;  // beyond tau = 25
+      const detail::PrincipalFrame frame = detail::principal_frame(stack, 0, level, ratio);
+      // Roundings of single precision, 1e-6 of 28, times the gain of four.
+      EXPECT_NEAR(frame.k1, 3.0, 1e-4) << level << " " << ratio;
+      EXPECT_NEAR(frame.k2, 2.0, 1e-4) << level << " " << ratio;
+    }
+  }
+  EXPECT_EQ(detail::principal_frame(stack, 0, 8.0, 1.25).k1,
+            detail::principal_frame(stack, 0, 8.0).k1);
+  // Continuous on the way there.
+  EXPECT_NEAR(detail::principal_frame(stack, 0, 7.999, 1.25).k1,
+              detail::principal_frame(stack, 0, 8.0).k1, 0.05);
+}
+
 // A vertex of no area has no normal, and no stencil.
 TEST(GradientStencil, IsZeroWhereNoFaceHasAnArea) {
   Points points(3, 3);
