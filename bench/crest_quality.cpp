@@ -6,18 +6,23 @@
 // move them. The noise is along the normals; its deviation is given to the program or, with
 // --estimate, estimated.
 //
-// crest_quality [--size 20000] [--seeds 3] [--threads 1] [--estimate]
+// --null N: instead, lines found on surfaces that have none, over N draws of either noise, and how
+// high their signal-to-noise ratio is: what a threshold on it costs and saves.
+//
+// crest_quality [--size 20000] [--seeds 3] [--threads 1] [--estimate] [--null 40]
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/crest/crest_lines.h"
+#include "dupin/crest/crest_noise.h"
 #include "dupin/mesh/noise.h"
 #include "dupin/mesh/shapes.h"
 #include "dupin/mls/noise_level.h"
@@ -37,6 +42,7 @@ struct Settings {
   int seeds = 3;
   int threads = 1;
   bool is_estimated = false;
+  int null_draws = 0;
 };
 
 std::vector<test::CrestSurface> make_surfaces(Index size) {
@@ -85,6 +91,61 @@ void print_agreement(const Settings& settings, const std::vector<test::CrestSurf
   }
 }
 
+// SNR of every line found on `draws` noisy copies, and on how many of them there was one at all.
+struct NullLines {
+  std::vector<double> snr;
+  std::vector<double> largest;  // of every draw, 0 without a line
+};
+
+NullLines null_lines(const Mesh& mesh, NoiseModel model, double percent, int draws) {
+  NullLines out;
+  for (int s = 0; s < draws; ++s) {
+    const NoisyMesh noisy = add_noise(
+        mesh, {.percent = percent, .model = model, .seed = kSeed + static_cast<std::uint64_t>(s)});
+    const SurfaceGraph graph = surface_graph(noisy.mesh);
+    // Noise along the normals alone is what isotropic noise leaves of itself on a surface.
+    CrestOptions options;
+    options.noise_sigma = noisy.sigma;
+    const CrestSet set = find_crest_lines(graph, options);
+    double largest = 0.0;
+    for (const CrestUncertainty& u :
+         estimate_crest_uncertainty(graph, set, options, {.sigma = noisy.sigma}).lines) {
+      out.snr.push_back(u.snr);
+      largest = std::max(largest, u.snr);
+    }
+    out.largest.push_back(largest);
+  }
+  return out;
+}
+
+void print_null(const Settings& settings) {
+  const std::pair<const char*, Mesh> surfaces[] = {
+      {"plane", make_plane({.num_vertices = settings.size, .jitter = 0.25}).mesh},
+      {"sphere", make_sphere(1.0, settings.size).mesh},
+      {"cylinder", make_cylinder(1.0, 4.0, settings.size).mesh}};
+  constexpr double kThresholds[] = {0.0, 2.0, 3.0, 4.0, 5.0, 6.0};
+  std::printf("| surface | noise | lines a draw |");
+  for (const double t : kThresholds) std::printf(" snr %.0f |", t);
+  std::printf(" largest |\n|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const auto& [name, mesh] : surfaces) {
+    for (const NoiseModel model : {NoiseModel::along_normal, NoiseModel::isotropic}) {
+      for (const double percent : {20.0, 50.0}) {
+        const NullLines found = null_lines(mesh, model, percent, settings.null_draws);
+        std::printf("| %s | %.0f %%, %s | %.2f |", name, percent,
+                    model == NoiseModel::isotropic ? "isotropic" : "along normals",
+                    static_cast<double>(found.snr.size()) / settings.null_draws);
+        for (const double t : kThresholds) {
+          const auto survive = std::count_if(found.largest.begin(), found.largest.end(),
+                                             [&](double snr) { return snr > t; });
+          std::printf(" %.0f %% |", 100.0 * static_cast<double>(survive) / settings.null_draws);
+        }
+        std::printf(" %.1f |\n", *std::max_element(found.largest.begin(), found.largest.end()));
+        std::fflush(stdout);
+      }
+    }
+  }
+}
+
 void print_times() {
   const Mesh mesh = test::crest_ellipsoid(kTimedSize).mesh;
   double least[3] = {1e300, 1e300, 1e300};
@@ -122,8 +183,14 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", settings.threads)->capture_default_str();
   app.add_flag("--estimate", settings.is_estimated, "Estimate the noise");
+  app.add_option("--null", settings.null_draws, "Draws on surfaces without lines instead")
+      ->check(CLI::Range(0, 10'000));
   CLI11_PARSE(app, argc, argv);
   set_thread_count(settings.threads);
+  if (settings.null_draws > 0) {
+    print_null(settings);
+    return 0;
+  }
   const std::vector<test::CrestSurface> surfaces = make_surfaces(settings.size);
   print_agreement(settings, surfaces);
   std::fflush(stdout);
