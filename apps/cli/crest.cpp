@@ -5,13 +5,18 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "context.h"
+#include "crest_report.h"
 #include "crest_verb.h"
 #include "dupin/base/error.h"
 #include "dupin/crest/crest_lines.h"
 #include "dupin/crest/crest_noise.h"
 #include "dupin/io/file.h"
+#include "dupin/mesh/heal.h"
+#include "dupin/mesh/noise.h"
+#include "dupin/render/camera.h"
 #include "dupin/surface/signal_noise.h"
 #include "line_files.h"
 #include "surface_input.h"
@@ -31,22 +36,19 @@ struct CrestRequest {
   int replicas = 12;
   double min_snr = 0.0;
   int top = 0;
+  std::string report;
+  std::string view = "iso";
+  std::vector<double> added_noise;  // [percent of the mean edge]
 
-  bool wants_bars() const { return !noise.empty() || min_snr > 0.0; }
-};
-
-struct Found {
-  LoadedSurface surface;
-  CrestSet set;
-  double sigma = 0.0;                         // [local]
-  std::vector<CrestUncertainty> uncertainty;  // aligned with the lines, or empty
+  bool wants_bars() const { return !noise.empty() || min_snr > 0.0 || !report.empty(); }
 };
 
 // Standard deviation of every coordinate, in local units. A surface too small to tell its noise has
 // that of rounding: only error bars must know it.
-double noise_sigma(const CrestRequest& request, LoadedSurface& surface, Context& context) {
+double noise_sigma(const CrestRequest& request, const std::string& noise, LoadedSurface& surface,
+                   Context& context, const RunControl& run) {
   try {
-    return noise_sigma_of(request.noise, surface, context, context.run.stage(0.1, 0.2));
+    return noise_sigma_of(noise, surface, context, run);
   } catch (const AnalysisError&) {
     if (request.wants_bars()) throw;
     return estimate_rounding(surface.points) / surface.unit;
@@ -54,16 +56,16 @@ double noise_sigma(const CrestRequest& request, LoadedSurface& surface, Context&
 }
 
 // Error bars, and what --min-snr and --top leave.
-void add_noise_to(Found& found, const CrestRequest& request, Context& context) {
+void add_noise_to(CrestAnalysis& found, const CrestRequest& request, const CrestOptions& options,
+                  Context& context, const RunControl& run) {
   std::vector<CrestLine>& lines = found.set.lines;
   if (request.wants_bars() && found.sigma > 0.0) {
     CrestNoiseOptions noise;
     noise.sigma = found.sigma;
     noise.num_replicas = request.replicas;
     noise.seed = context.seed;
-    found.uncertainty = estimate_crest_uncertainty(found.surface.graph, found.set, request.options,
-                                                   noise, context.run.stage(0.5, 1.0))
-                            .lines;
+    found.uncertainty =
+        estimate_crest_uncertainty(found.surface.graph, found.set, options, noise, run).lines;
     context.run.throw_if_cancelled();
   } else if (request.wants_bars()) {
     // Without noise everything is certain.
@@ -88,18 +90,22 @@ void add_noise_to(Found& found, const CrestRequest& request, Context& context) {
   found.uncertainty = std::move(sure);
 }
 
-Found find(Context& context, CrestRequest& request) {
-  Found found;
-  found.surface = load_surface(request.mesh, context);
+// Lines of `surface`, whose noise is what --noise says.
+CrestAnalysis analyse(LoadedSurface surface, const CrestRequest& request, const std::string& noise,
+                      Context& context, const RunControl& run) {
+  CrestAnalysis found;
+  found.surface = std::move(surface);
   if (!found.surface.graph.is_mesh()) {
     throw AnalysisError("E_NO_FACES", "crest lines need faces, this is a point cloud",
                         "triangulate the points first");
   }
-  found.sigma = noise_sigma(request, found.surface, context);
-  request.options.noise_sigma = found.sigma;
-  found.set = find_crest_lines(found.surface.graph, request.options, context.run.stage(0.2, 0.5));
+  found.sigma = noise_sigma(request, noise, found.surface, context, run.stage(0.0, 0.1));
+  CrestOptions options = request.options;
+  options.noise_sigma = found.sigma;
+  found.set = find_crest_lines(found.surface.graph, options,
+                               run.stage(0.1, request.wants_bars() ? 0.2 : 1.0));
   context.run.throw_if_cancelled();
-  add_noise_to(found, request, context);
+  add_noise_to(found, request, options, context, run.stage(0.2, 1.0));
   const double unit = found.surface.unit;
   require_range(std::isfinite(found.surface.graph.mean_edge * unit) &&
                     std::all_of(found.set.lines.begin(), found.set.lines.end(),
@@ -111,8 +117,19 @@ Found find(Context& context, CrestRequest& request) {
   return found;
 }
 
+// The surface of `clean` with noise along its normals, which is estimated anew.
+CrestSubject with_noise(const CrestAnalysis& clean, double percent, const CrestRequest& request,
+                        Context& context, const RunControl& run) {
+  const PolygonMesh noisy =
+      to_polygon_mesh(add_noise({clean.surface.points, clean.surface.graph.triangles},
+                                {.percent = percent, .seed = context.seed})
+                          .mesh);
+  return {analyse(to_loaded_surface(noisy, request.mesh, context), request, "auto", context, run),
+          percent};
+}
+
 // In the unit and the coordinates of the input.
-std::vector<LineRecord> to_records(const Found& found) {
+std::vector<LineRecord> to_records(const CrestAnalysis& found) {
   std::vector<LineRecord> records;
   for (std::size_t i = 0; i < found.set.lines.size(); ++i) {
     const CrestLine& line = found.set.lines[i];
@@ -134,11 +151,7 @@ std::vector<LineRecord> to_records(const Found& found) {
   return records;
 }
 
-const char* kind_name(const CrestLine& line) {
-  return line.kind == CrestKind::ridge ? "ridge" : "valley";
-}
-
-Json document_of(const Found& found) {
+Json document_of(const CrestAnalysis& found) {
   const double unit = found.surface.unit;
   Json list = Json::array();
   for (std::size_t i = 0; i < found.set.lines.size(); ++i) {
@@ -185,14 +198,32 @@ void run_crest(Context& context, CrestRequest& request) {
   std::string format;
   if (!request.output.empty())
     format = output_format(context, request.output, request.format, {"obj", "ply"});
+  if (request.report == "-")
+    throw InvalidArgument("--report needs a file, its pictures lie beside it");
+  if (!request.report.empty()) output_format(context, request.report, "", {"html", "htm"});
+  camera_of(request.view);
   if (request.output != "-") context.read.stdin_format = request.format;
-  Found found;
+  CrestAnalysis found;
   with_progress(context, "crest", [&] {
-    found = find(context, request);
-    if (request.output.empty() || context.run.cancelled()) return;
-    const std::vector<LineRecord> records = to_records(found);
-    write_file_atomically(request.output,
-                          format == "obj" ? lines_as_obj(records) : lines_as_ply(records));
+    const double share = 1.0 / static_cast<double>(request.added_noise.size() + 1);
+    LoadedSurface surface = load_surface(request.mesh, context);
+    found = analyse(std::move(surface), request, request.noise, context,
+                    context.run.stage(0.0, request.report.empty() ? 1.0 : 0.9 * share));
+    if (!request.output.empty()) {
+      const std::vector<LineRecord> records = to_records(found);
+      write_file_atomically(request.output,
+                            format == "obj" ? lines_as_obj(records) : lines_as_ply(records));
+    }
+    if (request.report.empty()) return;
+    std::vector<CrestSubject> subjects(1);
+    subjects[0].found = found;
+    for (std::size_t i = 0; i < request.added_noise.size(); ++i) {
+      const double done = static_cast<double>(i + 1);
+      subjects.push_back(
+          with_noise(found, request.added_noise[i], request, context,
+                     context.run.stage(0.9 * share * done, 0.9 * share * (done + 1.0))));
+    }
+    write_crest_report(request.report, request.mesh, request.view, subjects, context);
   });
   context.print_json(document_of(found));
   if (context.json) return;
@@ -224,7 +255,8 @@ void add_crest(CLI::App& app, Context& context) {
   verb->footer(
       "Examples:\n  dupin crest armadillo.off -o lines.ply\n"
       "  dupin render armadillo.off --lines lines.ply -o lines.png\n"
-      "  dupin crest scan.ply --min-snr 4 --json\n\n"
+      "  dupin crest scan.ply --min-snr 2 --json\n"
+      "  dupin crest armadillo.off --report lines.html --add-noise 20,50\n\n"
       "strength is the angle [rad] that the surface turns more across a line than along it, over "
       "its scale.");
   add_global_options(*verb, context);
@@ -283,6 +315,14 @@ void add_crest(CLI::App& app, Context& context) {
       ->check(in_range(0.0, 1e300))
       ->capture_default_str();
   verb->add_option("-o,--output", request->output, "Lines to write: .obj or .ply");
+  verb->add_option("--report", request->report,
+                   "Page with pictures and tables of the lines (implies --noise auto)");
+  verb->add_option("--view", request->view, "Of the pictures, as in dupin render")
+      ->capture_default_str();
+  verb->add_option("--add-noise", request->added_noise,
+                   "The page shows copies with these noises as well [percent of the mean edge]")
+      ->delimiter(',')
+      ->check(in_range(1e-6, 1000.0));
   std::vector<std::string> formats = input_formats();
   for (const char* name : {"obj", "ply"}) {
     if (std::find(formats.begin(), formats.end(), name) == formats.end()) formats.push_back(name);

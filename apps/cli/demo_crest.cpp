@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
+#include "crest_report.h"
 #include "dupin/crest/crest_lines.h"
 #include "dupin/mesh/heal.h"
 #include "dupin/mesh/noise.h"
 #include "dupin/mls/noise_level.h"
-#include "line_files.h"
 
 namespace dupin::cli {
 namespace {
@@ -33,24 +33,8 @@ Scene crest_scene(const DemoAnalysis& analysis, const std::string& title, Drawn&
   context.run.throw_if_cancelled();
   drawn.seconds = watch.lap();
   drawn.num_lines = set.lines.size();
-  std::vector<std::vector<double>> scales;
-  for (const CrestLine& line : set.lines) {
-    ScenePolyline polyline;
-    polyline.color = crest_color(line.kind);
-    polyline.points.resize(static_cast<Eigen::Index>(line.points.size()), 3);
-    scales.emplace_back();
-    for (std::size_t k = 0; k < line.points.size(); ++k) {
-      const EdgeCrossing& c = line.points[k].edge;
-      polyline.points.row(static_cast<Eigen::Index>(k)) =
-          (1.0 - c.weight) * analysis.surface.points.row(c.a) +
-          c.weight * analysis.surface.points.row(c.b);
-      scales.back().push_back(line.points[k].radius);
-    }
-    drawn.length += line.length / graph.mean_edge;
-    scene.polylines.push_back(std::move(polyline));
-  }
-  constexpr double kWidth = 2.5;  // px, of the median scale
-  set_widths(scene.polylines, scales, kWidth);
+  for (const CrestLine& line : set.lines) drawn.length += line.length / graph.mean_edge;
+  add_crest_lines(scene, analysis.surface, set);
   return scene;
 }
 

@@ -3,6 +3,7 @@
 
 usage: crest_test.py DUPIN
 """
+import re
 import unittest
 
 from program import Law, json, math, os, read_ply, write_ply
@@ -127,6 +128,28 @@ class Crest(Law):
         self.done("render", "e.ply", "-o", "p.png", "--size", "320x240")
         with open(self.path("p.png"), "rb") as file:
             self.assertNotIn(file.read(), pictures.values())
+
+    def test_pages_have_two_pictures_of_every_surface_and_a_row_a_line(self):
+        answer = self.crest("e.ply", "--report", "page.html", "--replicas", "4", "--add-noise", "20,50")
+        for line in answer["lines"]:  # a page is of error bars too
+            self.assertGreater(line["snr"], 0.0)
+        with open(self.path("page.html"), encoding="utf-8") as file:
+            page = file.read()
+        shown = re.findall(r'<img src="([^"]+)"', page)
+        self.assertEqual(shown, [f"page-{i}.png" for i in range(1, 7)])
+        for name in shown:
+            with open(self.path(name), "rb") as file:
+                self.assertEqual(file.read(8), b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(re.findall(r"<h2[^>]*>([^<]*)</h2>", page), ["As it is", "With 20 % noise", "With 50 % noise"])
+        first = page[page.index("<tbody>"):page.index("</tbody>")]
+        self.assertEqual(first.count("<tr>"), len(answer["lines"]))
+        for line in answer["lines"]:
+            self.assertIn(f'>{line["length"]:.4g}<', first)
+            self.assertIn(f'>{line["snr"]:.1f}<', first)
+        self.assertEqual(self.crest("e.ply", "--replicas", "4", "--noise", "auto")["lines"], answer["lines"])
+        self.crest("e.ply", "--report", "-", status=2)
+        self.crest("e.ply", "--report", "page.png", status=2)
+        self.crest("e.ply", "--report", "page.html", "--view", "beside", status=2)
 
     def test_damaged_line_files_are_refused(self):
         self.crest("e.ply", "-o", "l.ply")
