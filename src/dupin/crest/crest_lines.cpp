@@ -188,7 +188,9 @@ std::optional<VectorXd> local_levels(const SurfaceGraph& graph, const ScaleChoic
 // Points of the chains of one kind.
 std::vector<detail::Chain> make_chains(const SurfaceGraph& graph, const ScaleChoice& choice,
                                        const VectorXd& level, const BendField& field,
-                                       CrestKind kind, bool is_one_level) {
+                                       CrestKind kind, const CrestOptions& options) {
+  const bool is_one_level = options.level > 0;
+  const double ratio = detail::draw_ratio(options);
   const RidgeSegments found = detail::find_ridge_segments(graph, field);
   std::vector<CrestPoint> points(found.crossings.size());
   const double edge = graph.mean_edge;
@@ -210,7 +212,8 @@ std::vector<detail::Chain> make_chains(const SurfaceGraph& graph, const ScaleCho
           is_one_level ? std::sqrt(choice.tau(p.level)) * graph.mean_edge : p.radius;
       p.scale_level = at;
       p.strength = radius * choice.strength(c, at);
-      p.sharpness = c.sharpness * choice.tau(p.level) * edge * edge / std::abs(p.curvature);
+      p.sharpness = c.sharpness * detail::resolved_tau(choice.tau(p.level), ratio) * edge * edge /
+                    std::abs(p.curvature);
     }
   });
   std::vector<detail::Chain> chains;
@@ -291,8 +294,8 @@ CrestSet find_crest_lines(const SurfaceGraph& graph, const CrestOptions& options
     if (run.cancelled()) return cancelled();
     const BendField field =
         detail::bend_field(graph, *stack, set.level, detail::draw_ratio(options), stencil, kind);
-    detail::assemble_lines(make_chains(graph, choice, set.level, field, kind, options.level > 0),
-                           kind, graph.mean_edge, options, set.lines);
+    detail::assemble_lines(make_chains(graph, choice, set.level, field, kind, options), kind,
+                           graph.mean_edge, options, set.lines);
   }
   std::stable_sort(set.lines.begin(), set.lines.end(), [](const CrestLine& a, const CrestLine& b) {
     return a.strength * a.length > b.strength * b.length;

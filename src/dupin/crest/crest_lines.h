@@ -55,7 +55,8 @@ struct CrestPoint {
   double strength = 0.0;        ///< radius (|k0| - |k1|) at its scale [-]
   double radius = 0.0;          ///< its scale: sqrt(tau) e [mu]
   /// -<grad e, t0> tau e^2 / |k0| at `level` [-]: about twice the share of its curvature that the
-  /// surface loses from the line to a radius beside it.
+  /// surface loses from the line to a radius beside it. Where the tensor is extrapolated, tau is
+  /// that of as much noise without: half that of the scale with the default drawn_share.
   double sharpness = 0.0;
   double anisotropy = 0.0;     ///< (|k0| - |k1|) / |k0| at `level` [-]
   bool is_scale_peak = false;  ///< false: the strength grows or falls over all levels searched

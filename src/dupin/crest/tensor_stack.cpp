@@ -225,6 +225,18 @@ PrincipalFrame principal_frame(const TensorStack& stack, Index vertex, double le
   return frame;
 }
 
+double resolved_tau(double tau, double ratio) {
+  if (!(ratio > 1.0)) return tau;
+  // Integral of q^7 ((1 + g) exp(-q^2 s / 2) - g exp(-r q^2 s / 2))^2 over that of q^7 exp(-q^2 s),
+  // for white noise of the height, whose third derivatives the slopes are; it falls with s^-4.
+  const double gain = 1.0 / (ratio - 1.0);
+  const double middle = 0.5 * (1.0 + ratio);
+  const double noise = (1.0 + gain) * (1.0 + gain) -
+                       2.0 * gain * (1.0 + gain) / (middle * middle * middle * middle) +
+                       gain * gain / (ratio * ratio * ratio * ratio);
+  return tau / std::sqrt(std::sqrt(noise));
+}
+
 LevelCurvature level_curvature(const TensorStack& stack, Index level) {
   const Index count = stack.num_vertices();
   LevelCurvature result{Eigen::VectorXf::Zero(count), Eigen::VectorXf::Zero(count)};

@@ -73,10 +73,14 @@ struct PrincipalFrame {
 /// With `ratio` r > 1 the tensor is extrapolated along tau to no smoothing,
 /// T(tau) + (T(tau) - T(r tau)) / (r - 1): what smoothing does to first order is taken back, and a
 /// crest stays where it is on the surface. For r = 1.25 the slope of the curvature has the noise
-/// that it has without at 0.62 of the tau (docs/methods/crest_lines.md). Towards the coarsest
+/// that it has without at 0.62 of the tau (see resolved_tau()). Towards the coarsest
 /// level, where there is no r tau, less is taken back.
 PrincipalFrame principal_frame(const TensorStack& stack, Eigen::Index vertex, double level,
                                double ratio = 1.0);
+
+/// The tau at which a tensor that is not extrapolated has slopes of the same noise: as fine as
+/// lines that are extrapolated with `ratio` can be told from noise.
+double resolved_tau(double tau, double ratio);
 
 /// Of all vertices at a whole level, #V [1/mu].
 struct LevelCurvature {

@@ -161,6 +161,15 @@ TEST(PrincipalFrame, IsExtrapolatedToNoSmoothingWhereTheTensorIsLinear) {
               detail::principal_frame(stack, 0, 8.0).k1, 0.05);
 }
 
+// For r = 1.25 the noise is 25 - 40 / 1.125^4 + 16 / 1.25^4 = 6.5816 of that without, which is that
+// of tau / 6.5816^(1/4). As r goes to 1, T - tau dT/dtau: (1 + q^2 s / 2)^2 instead of 1, by the
+// moments 3!, 4!, 5! of q^2 s: 1 + 4 + 5 = 10. Without extrapolation nothing changes.
+TEST(ResolvedTau, IsThatOfAsMuchNoiseWithoutExtrapolation) {
+  EXPECT_EQ(detail::resolved_tau(7.0, 1.0), 7.0);
+  EXPECT_NEAR(detail::resolved_tau(1.0, 1.25), std::pow(6.5816, -0.25), 1e-5);
+  EXPECT_NEAR(detail::resolved_tau(1.0, 1.0001), std::pow(10.0, -0.25), 1e-3);
+}
+
 // A vertex of no area has no normal, and no stencil.
 TEST(GradientStencil, IsZeroWhereNoFaceHasAnArea) {
   Points points(3, 3);
