@@ -8,7 +8,7 @@
 // of them but those shorter than ours may be; "sharpest" are the sharpest of them, as many as make
 // up the length that ours have together.
 //
-// crest_peer [FILE ...] [--only-files] [--size 20000] [--rings 4] [--threads 1]
+// crest_peer [FILE ...] [--only NAME] [--size 20000] [--rings 4] [--levels 0 6] [--threads 1]
 #include <CGAL/Monge_via_jet_fitting.h>
 #include <CGAL/Ridges.h>
 #include <CGAL/Simple_cartesian.h>
@@ -223,79 +223,93 @@ Lines sharpest(std::vector<PeerLine> lines, double least, double length) {
 }
 
 std::string percent(double share) {
-  return std::to_string(static_cast<double>(std::lround(1000.0 * share)) / 10.0);
+  char text[16];
+  std::snprintf(text, sizeof text, "%.1f", 100.0 * share);
+  return text;
 }
 
-void print_row(const test::CrestSurface& surface, double edge, const std::string& which,
-               const Lines& peer, const Lines& mine, double seconds) {
-  const double reach = kReach * edge;
+struct Settings {
+  std::vector<std::string> files;
+  std::string only;
+  Index size = 20'000;
+  std::vector<int> rings = {4};
+  std::vector<int> levels = {0, 6};
+  double reach = kReach;
+  int threads = 1;
+};
+
+void print_row(const test::CrestSurface& surface, const std::string& which, const Lines& peer,
+               const Lines& mine, double edge, double reach) {
   const auto share = [&](const Lines& of, const Lines& to) {
-    return percent(test::near_share(of.lines, to.lines, reach)).substr(0, 5);
+    return percent(test::near_share(of.lines, to.lines, reach * edge));
   };
-  std::string truth = "-";
+  std::string truth = "- | -";
   if (!surface.lines.empty()) {
-    std::vector<test::TrueLine> legal = surface.lines;
-    legal.insert(legal.end(), surface.allowed.begin(), surface.allowed.end());
-    truth = percent(test::near_share(peer.lines, legal, reach)).substr(0, 5) + " / " +
-            percent(test::near_share(mine.lines, legal, reach)).substr(0, 5);
+    Lines legal{surface.lines, 0.0};
+    legal.lines.insert(legal.lines.end(), surface.allowed.begin(), surface.allowed.end());
+    truth = share(peer, legal) + " | " + share(mine, legal);
   }
-  std::printf("| %s | %s | %.0f | %.0f | %s %% | %s %% | %s | %.2f |\n", surface.name.c_str(),
-              which.c_str(), peer.length / edge, mine.length / edge, share(peer, mine).c_str(),
-              share(mine, peer).c_str(), truth.c_str(), seconds);
+  std::printf("| %s | %s | %.0f | %.0f | %s | %s | %s |\n", surface.name.c_str(), which.c_str(),
+              peer.length / edge, mine.length / edge, share(peer, mine).c_str(),
+              share(mine, peer).c_str(), truth.c_str());
   std::fflush(stdout);
 }
 
-void compare(const test::CrestSurface& surface, const std::vector<int>& rings) {
-  const auto begin = std::chrono::steady_clock::now();
+void compare(const test::CrestSurface& surface, const Settings& settings) {
+  if (!settings.only.empty() && settings.only != surface.name) return;
   const SurfaceGraph graph = surface_graph(surface.mesh);
-  CrestOptions options;
-  options.noise_sigma = estimate_noise(graph.points).sigma;
-  const CrestSet set = find_crest_lines(graph, options);
-  const double seconds = seconds_since(begin);
-  const Lines mine = ours(set, graph);
-  std::printf("| %s, %td vertices | ours | | %.0f | | | | %.2f |\n", surface.name.c_str(),
-              graph.points.rows(), mine.length / graph.mean_edge, seconds);
-  for (const int r : rings) {
-    const PeerLines peer = find_peer_lines(graph, r);
-    const double least = options.min_length * graph.mean_edge;
-    const std::string name = std::to_string(r) + " rings, ";
-    print_row(surface, graph.mean_edge, name + "all",
-              sharpest(peer.lines, least, std::numeric_limits<double>::infinity()), mine,
-              peer.seconds);
-    print_row(surface, graph.mean_edge, name + "sharpest", sharpest(peer.lines, least, mine.length),
-              mine, peer.seconds);
+  const double edge = graph.mean_edge;
+  std::vector<PeerLines> peers;
+  for (const int r : settings.rings) peers.push_back(find_peer_lines(graph, r));
+  for (const int level : settings.levels) {
+    const auto begin = std::chrono::steady_clock::now();
+    CrestOptions options;
+    options.level = level;
+    options.noise_sigma = estimate_noise(graph.points).sigma;
+    const CrestSet set = find_crest_lines(graph, options);
+    const double seconds = seconds_since(begin);
+    const Lines mine = ours(set, graph);
+    const double least = options.min_length * edge;
+    for (std::size_t i = 0; i < peers.size(); ++i) {
+      const std::string name =
+          (level == 0 ? std::string("all scales") : "level " + std::to_string(level)) + " to " +
+          std::to_string(settings.rings[i]) + " rings, ";
+      print_row(surface, name + "all",
+                sharpest(peers[i].lines, least, std::numeric_limits<double>::infinity()), mine,
+                edge, settings.reach);
+      print_row(surface, name + "sharpest", sharpest(peers[i].lines, least, mine.length), mine,
+                edge, settings.reach);
+      std::fprintf(stderr, "%s, %td vertices: ours %.2f s, CGAL %.2f s\n", surface.name.c_str(),
+                   graph.points.rows(), seconds, peers[i].seconds);
+    }
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::string> files;
-  Index size = 20'000;
-  std::vector<int> rings = {4};
-  bool only_files = false;
-  int threads = 1;
+  Settings settings;
   CLI::App app("Crest lines beside CGAL's");
-  app.add_option("FILE", files, "Surfaces to compare on besides");
-  app.add_option("--size", size, "Vertices of the surfaces")->capture_default_str();
-  app.add_option("--rings", rings, "Rings of neighbours that CGAL fits to");
-  app.add_flag("--only-files", only_files, "Leave out the analytic surfaces");
-  app.add_option("--threads", threads, "Of ours; CGAL has one")->capture_default_str();
+  app.add_option("FILE", settings.files, "Surfaces to compare on besides");
+  app.add_option("--only", settings.only, "This surface alone, by its name");
+  app.add_option("--size", settings.size, "Vertices of the surfaces")->capture_default_str();
+  app.add_option("--rings", settings.rings, "Rings of neighbours that CGAL fits to");
+  app.add_option("--levels", settings.levels, "Levels of ours; 0: every place at its own scale");
+  app.add_option("--reach", settings.reach, "What is near [mean edges]")->capture_default_str();
+  app.add_option("--threads", settings.threads, "Of ours; CGAL has one")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  set_thread_count(threads);
+  set_thread_count(settings.threads);
   std::printf(
-      "| surface | CGAL's | length | ours | CGAL near ours | ours near CGAL | near true: CGAL / "
-      "ours %% | s |\n|---|---|---|---|---|---|---|---|\n");
-  if (!only_files) {
-    compare(test::crest_ellipsoid(size), rings);
-    compare(test::crest_torus(size), rings);
-    compare(test::crest_gaussian_ridge(size), rings);
-    compare({"wavy body", wavy_body(size), {}}, rings);
-  }
-  for (const std::string& file : files) {
+      "| surface | ours to CGAL's | CGAL's length | ours | CGAL near ours %% | ours near CGAL %% | "
+      "CGAL near true %% | ours near true %% |\n|---|---|---|---|---|---|---|---|\n");
+  compare(test::crest_ellipsoid(settings.size), settings);
+  compare(test::crest_torus(settings.size), settings);
+  compare(test::crest_gaussian_ridge(settings.size), settings);
+  compare({"wavy body", wavy_body(settings.size), {}}, settings);
+  for (const std::string& file : settings.files) {
     test::CrestSurface surface{file.substr(file.find_last_of('/') + 1), {}, {}};
     surface.mesh = heal(read_surface(file).mesh).mesh;
-    compare(surface, rings);
+    compare(surface, settings);
   }
   return 0;
 }
