@@ -234,14 +234,36 @@ std::string resolved(const std::string& path) {
   return real == nullptr ? path : std::string(real.get());
 }
 
+std::string directory_of(const std::string& target) {
+  const std::size_t slash = target.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : target.substr(0, slash);
+}
+
+// Is there a device or a pipe? Refuses what cannot be written whatever is there; `kept_mode` is
+// that of the file to be replaced, 0 if there is none.
+bool is_special(const std::string& path, mode_t& kept_mode) {
+  if (path.empty() || path.find('\0') != std::string::npos) fail_write(path, ENOENT);
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0) {
+    if (S_ISDIR(info.st_mode)) fail_write(path, EISDIR);
+    if (!S_ISREG(info.st_mode)) return true;
+    // Renaming would replace a file that its owner has protected.
+    if ((info.st_mode & 0222U) == 0) fail_write(path, EACCES);
+    if (::access(path.c_str(), W_OK) != 0) fail_write(path, errno);
+    kept_mode = info.st_mode & 0777U;
+  } else if (errno != ENOENT) {
+    fail_write(path, errno);
+  }
+  if (path.back() == '/') fail_write(path, EISDIR);
+  return false;
+}
+
 bool write_regular(const std::string& path, const std::string& target, mode_t kept_mode,
                    std::span<const std::uint8_t> bytes, bool may_be_unnamed) {
-  const std::size_t slash = target.rfind('/');
-  const std::string directory = slash == std::string::npos ? "."
-                                : slash == 0               ? "/"
-                                                           : target.substr(0, slash);
+  const std::string directory = directory_of(target);
   // 200 bytes leave room for the number within the 255 that a name may have.
-  const std::string prefix = "." + target.substr(slash + 1).substr(0, 200) + ".dupin-";
+  const std::string prefix = "." + target.substr(target.rfind('/') + 1).substr(0, 200) + ".dupin-";
   remove_leftovers(directory, prefix);
   const auto deferred = may_be_unnamed ? nullptr : std::make_unique<DeferredSignals>();
   Temporary temporary(path, directory, prefix);
@@ -261,24 +283,19 @@ bool write_regular(const std::string& path, const std::string& target, mode_t ke
 
 void write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes) {
   if (path == "-") return write_fully(STDOUT_FILENO, bytes, "-");
-  if (path.empty() || path.find('\0') != std::string::npos) fail_write(path, ENOENT);
-  struct stat info {};
   mode_t kept_mode = 0;
-  if (::stat(path.c_str(), &info) == 0) {
-    if (S_ISDIR(info.st_mode)) fail_write(path, EISDIR);
-    if (!S_ISREG(info.st_mode)) return write_to_special(path, bytes);
-    // Renaming would replace a file that its owner has protected.
-    if ((info.st_mode & 0222U) == 0) fail_write(path, EACCES);
-    if (::access(path.c_str(), W_OK) != 0) fail_write(path, errno);
-    kept_mode = info.st_mode & 0777U;
-  } else if (errno != ENOENT) {
-    fail_write(path, errno);
-  }
-  if (path.back() == '/') fail_write(path, EISDIR);
+  if (is_special(path, kept_mode)) return write_to_special(path, bytes);
   const std::string target = resolved(path);
   if (!write_regular(path, target, kept_mode, bytes, true)) {
     write_regular(path, target, kept_mode, bytes, false);
   }
+}
+
+void require_writable(const std::string& path) {
+  if (path == "-") return;
+  mode_t kept_mode = 0;
+  if (is_special(path, kept_mode)) return;
+  if (::access(directory_of(resolved(path)).c_str(), W_OK | X_OK) != 0) fail_write(path, errno);
 }
 
 void write_file_atomically(const std::string& path, std::string_view text) {

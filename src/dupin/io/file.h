@@ -62,4 +62,10 @@ class FileBytes {
 void write_file_atomically(const std::string& path, std::span<const std::uint8_t> bytes);
 void write_file_atomically(const std::string& path, std::string_view text);
 
+/// Refuses, before long work, what write_file_atomically() would refuse after it: a directory, a
+/// protected file, a folder that is missing or may not be written. Writes nothing; room on the
+/// device is not asked for. "-" and devices pass.
+/// @throws IoError E_WRITE (Errc::cannot_write) with the system's reason
+void require_writable(const std::string& path);
+
 }  // namespace dupin

@@ -281,6 +281,34 @@ TEST(WriteFileAtomically, RefusesTargetsThatCannotBeReplaced) {
   EXPECT_EQ(folder.num_entries(), 3U);
 }
 
+// What a write would refuse for its target is refused before, with nothing written; what it would
+// take is taken.
+TEST(RequireWritable, SaysWhatAWriteWouldSay) {
+  const test::TemporaryFolder folder;
+  ASSERT_EQ(::mkdir((folder / "dir").c_str(), 0700), 0);
+  test::spit(folder / "protected", "old");
+  ASSERT_EQ(::chmod((folder / "protected").c_str(), 0444), 0);
+  const auto code = [](const std::string& path) -> std::string {
+    try {
+      require_writable(path);
+      return {};
+    } catch (const IoError& error) {
+      EXPECT_EQ(error.errc(), Errc::cannot_write);
+      return error.code();
+    }
+  };
+  for (const std::string& bad : {folder / "dir", folder / "dir/", folder / "no/such",
+                                 folder / "protected", folder / "new/", std::string()}) {
+    EXPECT_EQ(code(bad), "E_WRITE") << bad;
+    EXPECT_EQ(write_code(bad, "x"), "E_WRITE") << bad;
+  }
+  EXPECT_EQ(folder.num_entries(), 2U);
+  EXPECT_EQ(code(folder / "new"), "");
+  EXPECT_EQ(code("-"), "");
+  EXPECT_EQ(code("/dev/null"), "");
+  EXPECT_EQ(folder.num_entries(), 2U);
+}
+
 TEST(WriteFileAtomically, FaultsOfStandardOutputAreFaultsOfWriting) {
   EXPECT_EQ(in_child([] {
               ::dup2(::open("/dev/full", O_WRONLY), STDOUT_FILENO);
