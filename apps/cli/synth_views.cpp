@@ -1,6 +1,7 @@
 #include "synth_views.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -71,62 +72,106 @@ View scan(const ViewsRequest& request, const Mesh& mesh, int position, std::uint
   return view;
 }
 
-// Moves the points of a view by a random motion, and keeps the way back.
-void scramble(View& view, double size, Rng& rng) {
-  Pose motion;
-  motion.rotation = random_rotation(rng);
-  for (Eigen::Index k = 0; k < 3; ++k) motion.translation[k] = rng.uniform(-size, size);
-  view.mesh.points = transformed(view.mesh.points, motion);
-  view.world = compose(view.world, inverse(motion));
+// Where a view goes: all that is random about it but its noise.
+struct Plan {
+  int position = 0;
+  std::uint64_t seed = 0;  // of the noise
+  Pose motion;             // of its points
+};
+
+// In the order of the files. Drawn before any view is taken, so that one is in memory at a time.
+std::vector<Plan> plan_views(const ViewsRequest& request, std::uint64_t seed, double size) {
+  Rng rng(seed);
+  std::vector<Plan> plans(static_cast<std::size_t>(request.count));
+  for (int i = 0; i < request.count; ++i) {
+    plans[static_cast<std::size_t>(i)].position = i;
+    plans[static_cast<std::size_t>(i)].seed = rng.next();
+  }
+  if (!request.is_shuffled) return plans;
+  for (Plan& plan : plans) {
+    plan.motion.rotation = random_rotation(rng);
+    for (Eigen::Index k = 0; k < 3; ++k) plan.motion.translation[k] = rng.uniform(-size, size);
+  }
+  for (std::size_t i = plans.size(); i > 1; --i)
+    std::swap(plans[i - 1], plans[static_cast<std::size_t>(rng.below(i))]);
+  return plans;
 }
 
-std::vector<View> scan_all(const Context& context, const ViewsRequest& request, const Mesh& mesh) {
-  Rng rng(context.seed);
-  std::vector<View> views;
-  for (int i = 0; i < request.count; ++i) {
-    views.push_back(scan(request, mesh, i, rng.next(), context.run));
-    context.run.throw_if_cancelled();
-    context.run.report(0.1 + 0.7 * (i + 1) / request.count);
+[[noreturn]] void fail_directory(const std::string& directory) {
+  throw IoError(Errc::cannot_write, "E_WRITE", "cannot make the directory", {directory});
+}
+
+// The files of a set until all of them are there: an interrupted run leaves none, and those of an
+// older set as they were.
+class Staging {
+ public:
+  explicit Staging(const std::string& target) : target_(target) {
+    std::error_code error;
+    is_new_ = !fs::exists(target_, error);
+    fs::create_directories(target_, error);
+    if (!fs::is_directory(target_, error)) fail_directory(target);
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      folder_ = target_ / fmt::format(".unfinished-{}-{}", ::getpid(), attempt);
+      if (fs::create_directory(folder_, error)) return;
+    }
+    fail_directory(target);
   }
-  if (request.is_shuffled) {
-    const double size =
-        (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
-    for (View& view : views) scramble(view, size, rng);
-    for (std::size_t i = views.size(); i > 1; --i) {
-      std::swap(views[i - 1], views[static_cast<std::size_t>(rng.below(i))]);
+  Staging(const Staging&) = delete;
+  Staging& operator=(const Staging&) = delete;
+  ~Staging() {
+    std::error_code error;
+    fs::remove_all(folder_, error);
+    if (is_new_) fs::remove(target_, error);  // only if it is empty
+  }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  void publish(const std::string& name) const {
+    std::error_code error;
+    fs::rename(folder_ / name, target_ / name, error);
+    if (error) {
+      throw IoError(Errc::cannot_write, "E_WRITE", error.message(), {(target_ / name).string()});
     }
   }
-  return views;
-}
 
-void make_directory(const std::string& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (!fs::is_directory(directory, error)) {
-    throw IoError(Errc::cannot_write, "E_WRITE", "cannot make the directory", {directory});
-  }
-}
+ private:
+  fs::path target_;
+  fs::path folder_;
+  bool is_new_ = false;
+};
 
-nlohmann::ordered_json write_views(const ViewsRequest& request, const std::vector<View>& views) {
-  make_directory(request.output);
+nlohmann::ordered_json write_views(const Context& context, const ViewsRequest& request,
+                                   const Mesh& mesh) {
+  const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
+  const std::vector<Plan> plans = plan_views(request, context.seed, size);
+  const Staging staging(request.output);
   auto list = nlohmann::ordered_json::array();
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const View& view = views[i];
-    const std::string name = fmt::format("view_{:03}.ply", i);
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    View view = scan(request, mesh, plans[i].position, plans[i].seed, context.run);
+    context.run.throw_if_cancelled();
+    if (request.is_shuffled) {
+      view.mesh.points = transformed(view.mesh.points, plans[i].motion);
+      view.world = compose(view.world, inverse(plans[i].motion));
+    }
+    names.push_back(fmt::format("view_{:03}.ply", i));
     SurfaceOutput output;
-    output.points = view.mesh.points;
-    output.triangles = view.mesh.triangles;
-    write_surface((fs::path(request.output) / name).string(), output, SurfaceFormat::ply_binary);
-    list.push_back({{"file", name},
+    output.points = std::move(view.mesh.points);
+    output.triangles = std::move(view.mesh.triangles);
+    write_surface(staging.path(names.back()), output, SurfaceFormat::ply_binary);
+    list.push_back({{"file", names.back()},
                     {"position", view.position},
                     {"azimuth_deg", view.azimuth_deg},
                     {"points", output.points.rows()},
                     {"faces", output.triangles.rows()},
                     {"noise_sigma", view.noise_sigma},
                     {"T_input_view", matrix_of(view.world)}});
+    context.run.report(0.1 + 0.9 * static_cast<double>(i + 1) / static_cast<double>(plans.size()));
   }
   nlohmann::ordered_json document{{"input", request.input}, {"views", std::move(list)}};
-  write_file_atomically((fs::path(request.output) / "views.json").string(), to_text(document));
+  names.emplace_back("views.json");
+  write_file_atomically(staging.path(names.back()), to_text(document));
+  context.run.throw_if_cancelled();
+  for (const std::string& name : names) staging.publish(name);
   return document;
 }
 
@@ -141,7 +186,7 @@ void synth_views(Context& context, const ViewsRequest& request) {
     context.run.throw_if_cancelled();
     context.run.report(0.1);
     const Mesh mesh{surface.points, surface.graph.triangles};
-    document = write_views(request, scan_all(context, request, mesh));
+    document = write_views(context, request, mesh);
   });
   context.print_json(document);
   context.say(fmt::format("{}: {} views of {} x {} pixels, poses in views.json", request.output,

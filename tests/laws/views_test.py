@@ -5,7 +5,7 @@ usage: views_test.py DUPIN
 """
 import unittest
 
-from program import Law, json, read_ply
+from program import Law, json, os, read_ply
 
 
 def apply(matrix, point):
@@ -23,6 +23,13 @@ class Views(Law):
         with open(self.path(name, "views.json"), encoding="utf-8") as file:
             self.assertEqual(json.load(file), document)
         return document["views"]
+
+    def contents(self, folder):
+        out = {}
+        for name in os.listdir(self.path(folder)):
+            with open(self.path(folder, name), "rb") as file:
+                out[name] = file.read()
+        return out
 
     def points(self, name, view):
         """The points of a view, where its truth says that they belong."""
@@ -65,6 +72,18 @@ class Views(Law):
         self.assertGreater(one[0]["noise_sigma"], 0.0)
         for view in one:
             self.assertEqual(self.points("a", view), self.points("b", view))
+
+    def test_an_interrupted_run_leaves_no_part_of_a_set(self):
+        """Neither where nothing was, nor beside an older set."""
+        self.synth("large.ply", "--shape", "torus", "--vertices", "200000")
+        slow = ["synth", "views", "large.ply", "--count", "400", "--rows", "200", "--cols", "200", "--timeout", "3"]
+        self.assertEqual(self.dupin(*slow, "-o", "new")[0], 6)
+        self.assertFalse(os.path.exists(self.path("new")))
+        self.views("old", "--count", "3")
+        before = self.contents("old")
+        self.assertEqual(sorted(before), ["view_000.ply", "view_001.ply", "view_002.ply", "views.json"])
+        self.assertEqual(self.dupin(*slow, "-o", "old")[0], 6)
+        self.assertEqual(self.contents("old"), before)
 
     def test_bad_requests_are_refused(self):
         with open(self.path("cloud.xyz"), "w", encoding="utf-8") as file:
