@@ -3,7 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "dupin/base/error.h"
@@ -11,7 +13,7 @@
 #include "dupin/registration/height_maps.h"
 #include "dupin/registration/icp.h"
 #include "dupin/registration/pose_search.h"
-#include "dupin/registration/surface_samples.h"
+#include "dupin/registration/scan_samples.h"
 
 namespace dupin {
 namespace {
@@ -19,6 +21,7 @@ namespace {
 using detail::AssessmentBounds;
 using detail::FeatureMatch;
 using detail::PoseHypothesis;
+using detail::ScanSamples;
 using Eigen::Index;
 using std::size_t;
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
@@ -105,54 +108,6 @@ double confidence_of(const PoseFit& fit, int matches) {
   return 1.0 / (1.0 + std::exp(-logit));
 }
 
-// The samples of both scans, of one size in the unit of the fixed one.
-struct Samples {
-  SurfaceSamples moving;
-  SurfaceSamples fixed;
-  AssessmentBounds bounds;
-};
-
-Samples sample_both(const Points& moving, const Points& moving_normals, const Points& fixed,
-                    const Points& fixed_normals, double scale, const SurfaceSampleOptions& options,
-                    const RunControl& run) {
-  Samples samples;
-  samples.fixed = sample_surface(fixed, fixed_normals, options, run.stage(0.0, 0.5));
-  samples.moving =
-      sample_surface(moving, moving_normals, {options.spacing / scale, options.radius / scale},
-                     run.stage(0.5, 1.0));
-  const double noise = std::hypot(scale * samples.moving.noise_sigma, samples.fixed.noise_sigma);
-  samples.bounds.touching = 0.15 * options.spacing + 0.6 * noise;
-  samples.bounds.apart = 3.0 * options.spacing;
-  return samples;
-}
-
-// For the search: of the coarse points, no more than some thousand.
-Samples sample_coarsely(const ScanFeatures& moving, const ScanFeatures& fixed, double scale,
-                        const RunControl& run) {
-  const double size = std::max(fixed.diameter, scale * moving.diameter);
-  SurfaceSampleOptions options;
-  options.spacing =
-      std::max(2.0 * std::max(fixed.mean_edge, scale * moving.mean_edge), size / 90.0);
-  options.radius = 1.7 * options.spacing;
-  return sample_both(moving.coarse, moving.coarse_normals, fixed.coarse, fixed.coarse_normals,
-                     scale, options, run);
-}
-
-// For the result: of all points, as small as their spacing allows.
-Samples sample_finely(const ScanFeatures& moving, const ScanFeatures& fixed, double scale,
-                      const RunControl& run) {
-  const auto edge = [](const ScanFeatures& scan) {
-    return scan.mean_edge * std::sqrt(static_cast<double>(scan.coarse.rows()) /
-                                      static_cast<double>(scan.points.rows()));
-  };
-  const double size = std::max(fixed.diameter, scale * moving.diameter);
-  SurfaceSampleOptions options;
-  options.radius = std::max(5.0 * std::max(edge(fixed), scale * edge(moving)), size / 120.0);
-  options.spacing = 0.6 * options.radius;
-  return sample_both(moving.points, moving.normals, fixed.points, fixed.normals, scale, options,
-                     run);
-}
-
 RegistrationResult cancelled_result() {
   RegistrationResult result;
   result.status = Status::cancelled;
@@ -177,7 +132,7 @@ class Search {
     const double scale = options_.estimate_scale && moving_.mean_edge > 0.0
                              ? fixed_.mean_edge / moving_.mean_edge
                              : options_.scale;
-    samples_ = sample_coarsely(moving_, fixed_, scale, run_.stage(0.0, 0.2));
+    samples_ = detail::sample_coarsely(moving_, fixed_, scale, run_.stage(0.0, 0.2));
     // Of bare points nobody knows which side is outward: the other one is tried where the first
     // did not convince. After that every hypothesis gets its chance, not only the best supported.
     const bool is_sure = moving_.has_sides && fixed_.has_sides;
@@ -196,7 +151,7 @@ class Search {
 
  private:
   std::vector<Trial> propose(bool is_flipped, RegistrationResult& result) {
-    const std::vector<FeatureMatch> matches =
+    const std::vector<FeatureMatch>& matches = matches_[is_flipped ? 1 : 0] =
         find_matches(moving_, fixed_, options_, is_flipped, run_.stage(0.2, 0.5));
     result.num_matches += static_cast<Index>(matches.size());
     detail::PoseSearchOptions search;
@@ -247,12 +202,25 @@ class Search {
     trial.candidate.pose = hypothesis.pose;
     trial.candidate.is_flipped = hypothesis.is_flipped;
     trial.candidate.matches = static_cast<int>(hypothesis.members.size());
-    for (const std::int32_t m : hypothesis.members) {
-      const FeatureMatch& match = matches[static_cast<size_t>(m)];
-      trial.pairs.push_back({moving_.anchors[static_cast<size_t>(match.moving)].vertex,
-                             fixed_.anchors[static_cast<size_t>(match.fixed)].vertex});
-    }
+    for (const std::int32_t m : hypothesis.members)
+      trial.pairs.push_back(vertices_of(matches[static_cast<size_t>(m)]));
     return trial;
+  }
+
+  FeaturePair vertices_of(const FeatureMatch& match) const {
+    return {moving_.anchors[static_cast<size_t>(match.moving)].vertex,
+            fixed_.anchors[static_cast<size_t>(match.fixed)].vertex};
+  }
+
+  std::vector<FeaturePair> others_of(const RegistrationResult& result) const {
+    std::set<std::pair<std::int32_t, std::int32_t>> told;
+    for (const FeaturePair& pair : result.correspondences) told.emplace(pair.moving, pair.fixed);
+    std::vector<FeaturePair> others;
+    for (const FeatureMatch& match : matches_[result.best.is_flipped ? 1 : 0]) {
+      const FeaturePair pair = vertices_of(match);
+      if (told.emplace(pair.moving, pair.fixed).second) others.push_back(pair);
+    }
+    return others;
   }
 
   void finish_rough(Trial trial) {
@@ -276,11 +244,13 @@ class Search {
     const auto supported = std::min<size_t>(ranked.size(), 12);
     std::sort(ranked.begin() + static_cast<std::ptrdiff_t>(supported), ranked.end());
     if (ranked.size() > 2 * supported) ranked.resize(2 * supported);
+    double done = 0.0;
     for (const auto& [score, h] : ranked) {
       if (run_.cancelled()) return;
       Trial trial = starts[h];
       refine_roughly(trial.candidate, 12, 600);
       finish_rough(std::move(trial));
+      run_.report(0.6 + 0.1 * ++done / static_cast<double>(ranked.size()));
     }
   }
 
@@ -290,6 +260,7 @@ class Search {
       if (run_.cancelled()) return;
       refine_roughly(trials[h].candidate, 8, 300);
       ranked.emplace_back(-score_of(trials[h].candidate.fit), h);
+      run_.report(0.7 + 0.1 * static_cast<double>(h + 1) / static_cast<double>(trials.size()));
     }
     std::sort(ranked.begin(), ranked.end());
     if (ranked.size() > 12) ranked.resize(12);
@@ -301,7 +272,7 @@ class Search {
   }
 
   // ICP on the fine samples; judged on the coarse ones, which noise and detail disturb less.
-  IcpResult refine_fully(PoseCandidate& candidate, const Samples& fine, const RunControl& run) {
+  IcpResult refine_fully(PoseCandidate& candidate, const ScanSamples& fine, const RunControl& run) {
     IcpOptions icp;
     icp.with_scale = options_.estimate_scale;
     icp.is_flipped = candidate.is_flipped;
@@ -331,8 +302,8 @@ class Search {
     });
     Trial& winner = trials_.front();
     if (options_.estimate_scale) refine_roughly(winner.candidate, 30, 1000);
-    const Samples fine_samples =
-        sample_finely(moving_, fixed_, winner.candidate.pose.scale, run_.stage(0.8, 0.9));
+    const ScanSamples fine_samples =
+        detail::sample_finely(moving_, fixed_, winner.candidate.pose.scale, run_.stage(0.8, 0.9));
     if (run_.cancelled()) return;
     const IcpResult fine = refine_fully(winner.candidate, fine_samples, run_.stage(0.9, 1.0));
     const double score = score_of(winner.candidate.fit);
@@ -353,6 +324,7 @@ class Search {
     if (!options_.refine) result.best.pose = winner.start;
     result.pose = result.best.pose;
     result.correspondences = std::move(winner.pairs);
+    result.other_matches = others_of(result);
     result.center = fine.center;
     result.refusal = judge(result.best);
     result.accepted = result.refusal == Refusal::none;
@@ -379,8 +351,9 @@ class Search {
   const ScanFeatures& fixed_;
   const RegistrationOptions& options_;
   const RunControl& run_;
-  Samples samples_;
+  ScanSamples samples_;
   std::vector<Trial> trials_;
+  std::array<std::vector<FeatureMatch>, 2> matches_;  // as the normals are, and flipped
 };
 
 }  // namespace

@@ -71,6 +71,8 @@ struct RegistrationResult {
   /// Others that fit as well: a symmetric object has several right poses.
   std::vector<PoseCandidate> alternatives;
   std::vector<FeaturePair> correspondences;  ///< features that agree on the pose
+  /// Matches of features that do not agree on it, at most 800, the most outstanding first.
+  std::vector<FeaturePair> other_matches;
   /// Covariance of rotation vector about `center` [rad], shift of `center` [mu of fixed] and
   /// logarithm of the scale, from what the points deviate from their patches. Only of accepted,
   /// refined poses; else zero, as nothing is known.

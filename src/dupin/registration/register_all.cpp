@@ -51,6 +51,7 @@ class Assembly {
     register_pairs();
     if (!run_.cancelled()) span();
     if (!run_.cancelled()) refine();
+    if (!run_.cancelled()) close_loops();
     if (!run_.cancelled()) return std::move(result_);
     RegisterAllResult cancelled;
     cancelled.status = Status::cancelled;
@@ -70,7 +71,11 @@ class Assembly {
         const double to = 0.9 * static_cast<double>(done + 1) / static_cast<double>(count);
         const RegistrationResult found =
             register_scans(scans_[i], scans_[j], of_pair, run_.stage(from, to));
-        if (!found.accepted) continue;
+        if (!found.accepted) {
+          result_.refused.push_back(
+              {static_cast<std::int32_t>(i), static_cast<std::int32_t>(j), found.refusal});
+          continue;
+        }
         ScanPairResult pair;
         pair.moving = static_cast<std::int32_t>(i);
         pair.fixed = static_cast<std::int32_t>(j);
@@ -177,6 +182,18 @@ class Assembly {
       const double step = pull_together(bound, !is_last);
       run_.report(0.9 + 0.1 * it / std::max(1, options_.max_iterations));
       if (step < 1e-5 * spacing && it > 8) break;
+    }
+  }
+
+  void close_loops() {
+    for (ScanPairResult& pair : result_.pairs) {
+      const std::optional<Pose>& a = result_.poses[static_cast<size_t>(pair.moving)];
+      const std::optional<Pose>& b = result_.poses[static_cast<size_t>(pair.fixed)];
+      if (!a || !b) continue;
+      const Pose joint = compose(inverse(*b), *a);
+      const Points center = center_of(scans_[static_cast<size_t>(pair.moving)]);
+      pair.loop_turn = rotation_angle(joint.rotation, pair.pose.rotation);
+      pair.loop_shift = (transformed(center, joint) - transformed(center, pair.pose)).norm();
     }
   }
 

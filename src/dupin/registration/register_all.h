@@ -25,6 +25,17 @@ struct ScanPairResult {
   PoseFit fit;
   double confidence = 0.0;
   bool is_used = false;  ///< agrees with the loops it is part of
+  /// How far the pose of the pair is from that which the poses of all scans say, where both scans
+  /// have one: turn and shift of the middle of the moving scan.
+  std::optional<double> loop_turn;   ///< [rad]
+  std::optional<double> loop_shift;  ///< [mu]
+};
+
+/// A pair of scans that was not accepted.
+struct RefusedPair {
+  std::int32_t moving = -1;
+  std::int32_t fixed = -1;
+  Refusal refusal = Refusal::no_features;
 };
 
 /// Result of register_all().
@@ -34,6 +45,7 @@ struct RegisterAllResult {
   std::vector<std::optional<Pose>> poses;
   std::int32_t reference = -1;        ///< the first scan of the largest set that holds together
   std::vector<ScanPairResult> pairs;  ///< accepted pairs, moving < fixed
+  std::vector<RefusedPair> refused;   ///< all others, moving < fixed
   double rmse = 0.0;                  ///< distance of all used pairs after the refinement [mu]
 };
 

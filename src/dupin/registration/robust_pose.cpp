@@ -39,11 +39,12 @@ void check(const Points& from, const Points& to, const RobustPoseOptions& option
 
 // Scales that stand out in the histogram of log distance ratios: right matches agree on one, wrong
 // ones spread. The background is what neighbouring bins hold.
-std::vector<double> vote_scales(const Points& from, const Points& to, double noise_bound) {
+std::vector<double> vote_scales(const Points& from, const Points& to, double noise_bound,
+                                const RunControl& run) {
   constexpr double kBin = 0.02;
   constexpr Index kHalf = 1000;  // e^-20 .. e^20
   VectorXd votes = VectorXd::Zero(2 * kHalf + 1);
-  for (Index i = 0; i < from.rows(); ++i) {
+  for (Index i = 0; i < from.rows() && !run.cancelled(); ++i) {
     for (Index j = i + 1; j < from.rows(); ++j) {
       const double a = (from.row(i) - from.row(j)).norm();
       const double b = (to.row(i) - to.row(j)).norm();
@@ -138,9 +139,11 @@ RobustPose robust_pose(const Points& from, const Points& to, const RobustPoseOpt
                        RunControl run) {
   check(from, to, options);
   RobustPose best;
-  const std::vector<double> scales =
-      options.with_scale ? vote_scales(from, to, options.noise_bound) : std::vector<double>{1.0};
+  const std::vector<double> scales = options.with_scale
+                                         ? vote_scales(from, to, options.noise_bound, run)
+                                         : std::vector<double>{1.0};
   for (const double scale : scales) {
+    if (run.cancelled()) return cancelled_result();
     const detail::ConsistencyGraph graph(
         from.rows(),
         [&](Index i, Index j) {

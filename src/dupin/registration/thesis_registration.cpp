@@ -171,6 +171,20 @@ class Scorer {
   Index num_kept_ = 3;
 };
 
+// Features of `surface` that meet one of `others`, as the scores count them.
+std::vector<MetFeatures> meetings(const ThesisFeatures& surface, const Points& moved,
+                                  const Points& others, double reach) {
+  std::vector<MetFeatures> met;
+  for (Index i = 0; i < moved.rows(); ++i) {
+    const Nearest nearest = nearest_of(others, moved.row(i));
+    const double distance = std::sqrt(nearest.squared);
+    if (distance > reach * surface.features[static_cast<std::size_t>(i)].keypoint.radius) continue;
+    met.push_back(
+        {static_cast<std::int32_t>(i), static_cast<std::int32_t>(nearest.index), distance});
+  }
+  return met;
+}
+
 struct Hypothesis {
   Pose pose;
   Score score;
@@ -245,6 +259,13 @@ ThesisRegistration register_by_thesis(const ThesisFeatures& moving, const Thesis
   if (result.num_hypotheses > 0) {
     result.score = winner.trimmed_mean;
     result.overlap = winner.overlap;
+    result.met = meetings(fixed, transformed(fixed_points, inverse(result.pose)), moving_points,
+                          options.reach);
+    result.moving_overlap =
+        static_cast<double>(
+            meetings(moving, transformed(moving_points, result.pose), fixed_points, options.reach)
+                .size()) /
+        static_cast<double>(result.num_moving_features);
     result.is_found = winner.overlap * static_cast<double>(result.num_fixed_features) + 0.5 >
                       static_cast<double>(score_of.num_kept());
   }

@@ -29,6 +29,13 @@ struct ThesisMatch {
   double distance = 0.0;  ///< L2 distance of the descriptors
 };
 
+/// A feature of the fixed surface and the moving one that lies nearest to it in the pose.
+struct MetFeatures {
+  std::int32_t fixed = -1;
+  std::int32_t moving = -1;
+  double distance = 0.0;  ///< [mu]
+};
+
 /// A pose from feature points alone; not refined.
 struct ThesisRegistration {
   Status status = Status::ok;
@@ -38,6 +45,9 @@ struct ThesisRegistration {
   Pose pose;             ///< from moving to fixed; scale 1
   double score = 0.0;    ///< trimmed mean of 5.42 [mu]
   double overlap = 0.0;  ///< share of the fixed features that meet a moving one
+  /// Share of the moving features that meet a fixed one, each within its own reach.
+  double moving_overlap = 0.0;
+  std::vector<MetFeatures> met;  ///< fixed features that meet a moving one, by fixed
   Eigen::Index num_fixed_features = 0;
   Eigen::Index num_moving_features = 0;
   Eigen::Index num_hypotheses = 0;  ///< poses that were scored

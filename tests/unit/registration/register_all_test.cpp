@@ -76,6 +76,28 @@ TEST(RegisterAll, BringsViewsIntoOneFrame) {
   EXPECT_FALSE(result.poses.back());
   EXPECT_LT(largest_error(views, result), 0.01 * views.diameter);
   EXPECT_GE(result.pairs.size(), 6U);
+  // Every pair is either accepted or refused, and the other body is refused by all.
+  EXPECT_EQ(result.pairs.size() + result.refused.size(), 21U);
+  Index of_other = 0;
+  for (const RefusedPair& pair : result.refused) {
+    EXPECT_NE(pair.refusal, Refusal::none);
+    of_other += pair.fixed == 6 ? 1 : 0;
+  }
+  EXPECT_EQ(of_other, 6);
+  // Used pairs close their loops: within twice the bounds by which they were chosen.
+  for (const ScanPairResult& pair : result.pairs) {
+    ASSERT_TRUE(pair.loop_turn && pair.loop_shift);
+    const ScanFeatures& moving = scans[static_cast<std::size_t>(pair.moving)];
+    const Points center = moving.coarse.colwise().mean();
+    const Pose joint = compose(inverse(*result.poses[static_cast<std::size_t>(pair.fixed)]),
+                               *result.poses[static_cast<std::size_t>(pair.moving)]);
+    EXPECT_NEAR(*pair.loop_shift,
+                (transformed(center, joint) - transformed(center, pair.pose)).norm(), 1e-12);
+    if (!pair.is_used) continue;
+    EXPECT_LT(*pair.loop_turn, 0.12);
+    EXPECT_LT(*pair.loop_shift, 0.04 * moving.diameter);
+    EXPECT_GT(*pair.loop_turn, 0.0);
+  }
 }
 
 TEST(RegisterAll, RefusesBadInputAndHeedsCancellation) {

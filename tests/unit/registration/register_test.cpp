@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -61,6 +62,15 @@ TEST(Register, BringsPartialScansTogether) {
     EXPECT_LT(error.translation, 0.005 * pair.diameter) << seed;
     EXPECT_NEAR(result.best.fit.overlap_moving, pair.overlap, 0.12) << seed;
     EXPECT_GE(result.correspondences.size(), 3U) << seed;
+    // What agrees on the pose is one set of matches, what does not another.
+    EXPECT_FALSE(result.other_matches.empty()) << seed;
+    EXPECT_LE(result.other_matches.size(), 800U) << seed;
+    for (const FeaturePair& other : result.other_matches) {
+      EXPECT_TRUE(std::none_of(result.correspondences.begin(), result.correspondences.end(),
+                               [&](const FeaturePair& known) {
+                                 return known.moving == other.moving && known.fixed == other.fixed;
+                               }));
+    }
   }
 }
 

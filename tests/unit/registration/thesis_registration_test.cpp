@@ -238,6 +238,15 @@ TEST(ThesisRegistration, TrimsWhatHasNoPartner) {
   ASSERT_TRUE(found.is_found);
   EXPECT_LT(rotation_angle(found.pose.rotation, truth.rotation), 1e-9);
   EXPECT_NEAR(found.overlap, 20.0 / 60.0, 1e-12);
+  // All twenty moving features have their partner, and the partners are told.
+  EXPECT_EQ(found.moving_overlap, 1.0);
+  ASSERT_EQ(found.met.size(), 20U);
+  for (std::int32_t i = 0; i < 20; ++i) {
+    const MetFeatures& met = found.met[static_cast<std::size_t>(i)];
+    EXPECT_EQ(met.fixed, i);
+    EXPECT_EQ(met.moving, i);
+    EXPECT_LT(met.distance, 1e-9);
+  }
   // More than the share that has a partner cannot be asked for.
   ThesisRegistrationOptions options;
   options.min_overlap = 0.5;
