@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
+#include <cstdint>
 
 #include "svg_plot.h"
 
@@ -56,6 +58,10 @@ th[aria-sort=descending]::after { content: " \2193"; opacity: 1; }
 tbody tr:nth-child(even) { background: color-mix(in srgb, var(--ink) 3%, transparent); }
 pre { background: var(--code); border-radius: 8px; padding: 0.9rem 1.1rem; overflow-x: auto;
   font: 0.84rem/1.55 ui-monospace, "SF Mono", Menlo, Consolas, monospace; }
+.colors { list-style: none; padding: 0; margin: 0.6rem 0 1rem; display: flex; flex-wrap: wrap;
+  gap: 0.3rem 1.4rem; font: 0.9rem/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
+.colors i { display: inline-block; width: 0.9em; height: 0.9em; border-radius: 3px;
+  margin-right: 0.5em; vertical-align: -0.08em; }
 footer { margin-top: 4rem; color: var(--soft); font-size: 0.85rem; border-top: 1px solid var(--line);
   padding-top: 1rem; }
 @media print { body { background: #fff; } figure, .table { break-inside: avoid; } nav { display: none; } }
@@ -83,6 +89,23 @@ bool looks_like_number(const std::string& text) {
 
 }  // namespace
 
+std::string data_uri(std::string_view png) {
+  constexpr const char* kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out = "data:image/png;base64,";
+  out.reserve(out.size() + png.size() / 3 * 4 + 4);
+  for (std::size_t i = 0; i < png.size(); i += 3) {
+    const std::size_t count = std::min<std::size_t>(3, png.size() - i);
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      bits = bits << 8 | (k < count ? static_cast<std::uint8_t>(png[i + k]) : 0U);
+    }
+    for (std::size_t k = 0; k < 4; ++k)
+      out += k <= count ? kDigits[bits >> (18 - 6 * k) & 63U] : '=';
+  }
+  return out;
+}
+
 HtmlReport::HtmlReport(std::string title, std::string lead)
     : title_(std::move(title)), lead_(std::move(lead)) {}
 
@@ -104,12 +127,28 @@ void HtmlReport::add_paragraph(const std::string& text) {
 void HtmlReport::add_pictures(const std::vector<ReportPicture>& pictures) {
   body_ += "<div class=\"pictures\">\n";
   for (const ReportPicture& p : pictures) {
+    // Browsers do not follow a link to an address that is the picture itself.
+    const bool is_inside = p.file.compare(0, 5, "data:") == 0;
+    const std::string file = html_escaped(p.file);
     body_ += fmt::format(
-        "<figure><a href=\"{0}\"><img src=\"{0}\" alt=\"{1}\" width=\"{2}\" height=\"{3}\" "
-        "loading=\"lazy\"></a><figcaption>{4}</figcaption></figure>\n",
-        html_escaped(p.file), html_escaped(p.alt), p.width, p.height, html_escaped(p.caption));
+        "<figure>{0}<img src=\"{1}\" alt=\"{2}\" width=\"{3}\" height=\"{4}\" "
+        "loading=\"lazy\">{5}<figcaption>{6}</figcaption></figure>\n",
+        is_inside ? "" : "<a href=\"" + file + "\">", file, html_escaped(p.alt), p.width, p.height,
+        is_inside ? "" : "</a>", html_escaped(p.caption));
   }
   body_ += "</div>\n";
+}
+
+void HtmlReport::add_colors(const std::vector<ReportColor>& colors) {
+  body_ += "<ul class=\"colors\">\n";
+  for (const ReportColor& c : colors) {
+    const auto byte = [](double channel) {
+      return static_cast<int>(std::lround(255.0 * std::clamp(channel, 0.0, 1.0)));
+    };
+    body_ += fmt::format("<li><i style=\"background:#{:02x}{:02x}{:02x}\"></i>{}</li>\n",
+                         byte(c.red), byte(c.green), byte(c.blue), html_escaped(c.label));
+  }
+  body_ += "</ul>\n";
 }
 
 void HtmlReport::add_svg(const std::string& svg, const std::string& caption) {

@@ -5,12 +5,15 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "assembly_report.h"
 #include "context.h"
 #include "dupin/base/error.h"
+#include "dupin/io/file.h"
 #include "dupin/io/surface_io.h"
 #include "register_verb.h"
 #include "registered_scan.h"
@@ -25,25 +28,19 @@ using Json = nlohmann::ordered_json;
 struct RegisterAllRequest {
   std::vector<std::string> scans;
   std::string output;
-};
-
-struct Assembled {
-  std::vector<LoadedSurface> scans;
-  RegisterAllResult result;
-  std::vector<std::optional<Pose>> poses;  // between the inputs
-  double unit = 1.0;                       // of the frame, input length of a local one
-  double seconds = 0.0;
+  std::string report;
 };
 
 // All scans in one local unit, that of the first: registration takes scale 1.
-Assembled solve(Context& context, const RegisterAllRequest& request) {
-  Assembled found;
+Assembly solve(Context& context, const RegisterAllRequest& request) {
+  Assembly found;
+  found.names = request.scans;
   const auto start = std::chrono::steady_clock::now();
   std::vector<ScanFeatures> features;
   std::vector<Pose> from_local;
   const double count = static_cast<double>(request.scans.size());
   for (const std::string& path : request.scans) {
-    found.scans.push_back(load_surface(path, context));
+    found.scans.push_back(load_surface(path, context, 0));
     LoadedSurface& scan = found.scans.back();
     if (features.empty()) found.unit = scan.unit;
     const double done = static_cast<double>(features.size()) / count;
@@ -54,7 +51,9 @@ Assembled solve(Context& context, const RegisterAllRequest& request) {
     from_local.push_back(compose(local_to_input(scan), inverse(to_frame_unit)));
     context.run.throw_if_cancelled();
   }
-  found.result = register_all(features, {}, context.run.stage(0.2, 1.0));
+  const double last = request.report.empty() ? 1.0 : 0.9;
+  found.result = register_all(features, {}, context.run.stage(0.2, last));
+  for (ScanFeatures& scan : features) found.normals.push_back(std::move(scan.normals));
   context.run.throw_if_cancelled();
   found.poses.resize(features.size());
   for (std::size_t i = 0; i < features.size(); ++i) {
@@ -69,7 +68,11 @@ Assembled solve(Context& context, const RegisterAllRequest& request) {
   return found;
 }
 
-Json document_of(const Assembled& found, const RegisterAllRequest& request) {
+Json scaled(const std::optional<double>& value, double unit) {
+  return value ? Json(unit * *value) : Json();
+}
+
+Json document_of(const Assembly& found, const RegisterAllRequest& request) {
   Json transforms = Json::object();
   Json unregistered = Json::array();
   Json warnings = Json::array();
@@ -87,14 +90,16 @@ Json document_of(const Assembled& found, const RegisterAllRequest& request) {
                      {"fixed", request.scans[static_cast<std::size_t>(pair.fixed)]},
                      {"overlap", pair.fit.overlap_moving},
                      {"confidence", pair.confidence},
-                     {"used", pair.is_used}});
+                     {"used", pair.is_used},
+                     {"loop_turn", scaled(pair.loop_turn, 180.0 / std::numbers::pi)},
+                     {"loop_shift", scaled(pair.loop_shift, found.unit)}});
   }
   return {{"transforms", transforms}, {"unregistered", unregistered},
           {"pairs", pairs},           {"rmse", found.result.rmse * found.unit},
           {"seconds", found.seconds}, {"warnings", warnings}};
 }
 
-SurfaceOutput fused(const Assembled& found) {
+SurfaceOutput fused(const Assembly& found) {
   SurfaceOutput out;
   out.points.resize(0, 3);
   out.triangles.resize(0, 3);
@@ -111,17 +116,35 @@ SurfaceOutput fused(const Assembled& found) {
   return out;
 }
 
+// What a shell needs to make the page again.
+std::string command_of(const RegisterAllRequest& request) {
+  std::string line = "dupin register-all";
+  for (const std::string& scan : request.scans) line += " " + scan;
+  return line + " --report " + request.report;
+}
+
 void run_register_all(Context& context, const RegisterAllRequest& request) {
   if (request.scans.size() < 2) throw InvalidArgument("there are fewer than two scans");
   const std::set<std::string> names(request.scans.begin(), request.scans.end());
   if (names.size() != request.scans.size())
     throw InvalidArgument("a scan is named twice", "each file once");
-  if (!request.output.empty()) surface_format_of(request.output);
-  Assembled found;
+  if (!request.output.empty()) {
+    surface_format_of(request.output);
+    require_writable(request.output);
+  }
+  if (!request.report.empty()) {
+    output_format(context, request.report, "", {"html"});
+    require_writable(request.report);
+  }
+  Assembly found;
   with_progress(context, "register-all", [&] {
     found = solve(context, request);
     if (!request.output.empty())
       write_surface(request.output, fused(found), surface_format_of(request.output));
+    if (!request.report.empty()) {
+      write_file_atomically(request.report,
+                            assembly_page(found, command_of(request), context.run.stage(0.9, 1.0)));
+    }
   });
   Index registered = 0;
   for (const auto& pose : found.poses) registered += pose ? 1 : 0;
@@ -143,7 +166,7 @@ void add_register_all(CLI::App& app, Context& context) {
   CLI::App* verb = app.add_subcommand("register-all", "A set of scans into one frame");
   verb->footer(
       "Examples:\n  dupin register-all view*.ply -o object.ply\n"
-      "  dupin register-all a.ply b.ply c.ply --json\n\n"
+      "  dupin register-all a.ply b.ply c.ply --json --report page.html\n\n"
       "The frame is that of the first scan of the largest set that holds together. Exit code 1: a "
       "scan found no place.");
   add_global_options(*verb, context);
@@ -151,6 +174,8 @@ void add_register_all(CLI::App& app, Context& context) {
   verb->add_option("SCAN", request->scans, "Scans of one object, in one unit")->required();
   verb->add_option("-o,--output", request->output,
                    "All scans that found a place, in one frame: .ply, .obj, .off, .stl or .glb");
+  verb->add_option("--report", request->report,
+                   "Page that shows the scans before and after, and all pairs: .html");
   verb->callback([request, &context] { run_register_all(context, *request); });
 }
 

@@ -84,9 +84,14 @@ LoadedSurface cloud_surface(const SurfaceFile& file, const std::string& path, Co
     if (has_normals) cloud.normals.row(a) = file.mesh.normals.row(v);
   }
   localise(out);
+  if (neighbors == 0 && !has_normals) {
+    out.graph.triangles.resize(0, 3);
+    out.graph.normals.resize(0, 3);
+    return out;
+  }
   cloud.points = out.graph.points;
   CloudGraphOptions options;
-  options.neighbors = neighbors;
+  if (neighbors > 0) options.neighbors = neighbors;
   out.graph = surface_graph(cloud, options, context.run.stage(0.1, 0.2));
   context.run.throw_if_cancelled();
   WarningList of_normals;

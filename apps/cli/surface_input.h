@@ -62,7 +62,7 @@ NoiseLevel noise_level_of(LoadedSurface& surface, const NoiseLevelOptions& optio
                           const Context& context, const RunControl& run);
 
 /// Reads and repairs a surface; a file without faces becomes a cloud with `neighbors` in a ring.
-/// Warnings go to `context` as well.
+/// Warnings go to `context` as well. 0 neighbors: bare points get neither a ring nor normals.
 /// @throws Error of read_surface(), heal(), build_cloud_graph(); Errc::interrupted when cancelled
 LoadedSurface load_surface(const std::string& path, Context& context, int neighbors = 8);
 /// The same of a mesh at hand.

@@ -146,6 +146,22 @@ std::string bands(const Plot& plot, const Axis& x, const Axis& y) {
   return out;
 }
 
+// Down to zero, or to the end of the axis that is nearest to it.
+std::string fills(const Plot& plot, const Axis& x, const Axis& y) {
+  std::string out;
+  const double floor = y.place(std::clamp(0.0, y.low, y.high));
+  for (std::size_t s = 0; s < plot.series.size(); ++s) {
+    const PlotSeries& series = plot.series[s];
+    if (!series.is_filled || series.x.empty()) continue;
+    std::string points = fmt::format("M{:.2f} {:.2f}", x.place(series.x.front()), floor);
+    for (std::size_t i = 0; i < series.x.size(); ++i)
+      points += fmt::format("L{:.2f} {:.2f}", x.place(series.x[i]), y.place(series.y[i]));
+    out += fmt::format("<path d=\"{}V{:.2f}Z\" fill=\"{}\" fill-opacity=\"0.3\"/>\n", points, floor,
+                       color_of(plot, s));
+  }
+  return out;
+}
+
 std::string curves(const Plot& plot, const Axis& x, const Axis& y) {
   std::string out;
   for (std::size_t s = 0; s < plot.series.size(); ++s) {
@@ -241,7 +257,7 @@ std::string format_svg(const Plot& plot) {
     y.high += half;
   }
   const double top = plot.title.empty() ? 24.0 : 46.0;
-  const double legend_width = longest == 0 ? 16.0 : 44.0 + 6.6 * static_cast<double>(longest);
+  const double legend_width = longest == 0 ? 16.0 : 46.0 + 7.2 * static_cast<double>(longest);
   x.from = 74.0;
   x.to = std::max(x.from + 60.0, plot.width - legend_width);
   y.from = plot.height - 56.0;
@@ -270,6 +286,7 @@ std::string format_svg(const Plot& plot) {
                 " fill=\"currentColor\" font-size=\"11.5\"");
   }
   out += bands(plot, x, y);
+  out += fills(plot, x, y);
   out += curves(plot, x, y);
   out += legend(plot, x.to + 14, y.to + 10);
   return out + "</svg>\n";

@@ -14,6 +14,7 @@ struct PlotSeries {
   bool is_dashed = false;
   std::vector<double> band;  ///< half width of a band about the curve, >= 0, as many as x; or empty
   int color = -1;            ///< of the palette; -1: the next one
+  bool is_filled = false;    ///< down to y = 0: for bars
 };
 
 /// A vertical line with a word at its top.
