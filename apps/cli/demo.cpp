@@ -7,6 +7,7 @@
 
 #include "demo_crest.h"
 #include "demo_parts.h"
+#include "demo_register.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
@@ -233,6 +234,7 @@ void demo(const Settings& settings, Context& context) {
   std::vector<DemoTiming> timings;
   nlohmann::ordered_json noisy_scan;
   nlohmann::ordered_json crest_lines;
+  nlohmann::ordered_json registration;
   with_progress(context, "demo", [&] {
     std::vector<DemoSubject> subjects;
     if (!settings.surfaces.empty()) subjects = file_subjects(settings.surfaces, context);
@@ -249,6 +251,7 @@ void demo(const Settings& settings, Context& context) {
       }
     }
     add_local_scale(report, directory, context);
+    registration = add_registration(report, directory, context);
   });
   add_timings(report, timings);
   const std::string page = (directory / "index.html").string();
@@ -271,6 +274,7 @@ void demo(const Settings& settings, Context& context) {
   }
   document["noisy_scan"] = noisy_scan;
   document["crest_lines"] = crest_lines;
+  document["registration"] = registration;
   context.print_json(document);
 }
 
