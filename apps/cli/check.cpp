@@ -8,8 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "check_image.h"
 #include "context.h"
 #include "dupin/base/error.h"
+#include "dupin/io/file.h"
+#include "dupin/io/png.h"
 #include "dupin/io/surface_io.h"
 #include "dupin/mesh/heal.h"
 #include "surface_input.h"
@@ -25,11 +28,13 @@ struct Judgement {
   WarningList warnings;  // of the reader, then of the repair
 };
 
-Judgement judge(Context& context, const std::string& file) {
+Judgement judge_surface(Context& context, const FileBytes& bytes, const std::string& file) {
   Judgement judgement;
   try {
     with_progress(context, "check", [&] {
-      SurfaceFile input = read_surface(file, context.read, context.run.stage(0.0, 0.5));
+      SurfaceFile input = bytes.judge(file, [&] {
+        return parse_surface(bytes.bytes(), file, context.read, context.run.stage(0.0, 0.5));
+      });
       judgement.format = input.format + (input.format == "ply" || input.format == "stl"
                                              ? (input.is_binary ? " (binary)" : " (text)")
                                              : "");
@@ -125,20 +130,41 @@ void tell(const Context& context, const Judgement& judgement, const std::string&
   }
 }
 
+// A picture under the name of a surface is a mistake, which the reader of surfaces names.
+bool is_picture(const FileBytes& bytes, const std::string& file) {
+  std::string end = file.size() < 4 ? file : file.substr(file.size() - 4);
+  std::transform(end.begin(), end.end(), end.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return is_png(bytes.bytes()) && (end == ".png" || file == "-");
+}
+
+ordered_json judge(Context& context, const std::string& file) {
+  try {
+    const FileBytes bytes = FileBytes::open(file, context.read.limits, context.run);
+    if (is_picture(bytes, file)) {
+      const ImageJudgement judgement = judge_image(context, bytes, file);
+      tell(context, judgement, file);
+      return to_json(judgement, file);
+    }
+    const Judgement judgement = judge_surface(context, bytes, file);
+    tell(context, judgement, file);
+    return to_json(judgement, file);
+  } catch (const Error& error) {
+    throw in_file(error, file);
+  }
+}
+
 void check(Context& context, const std::vector<std::string>& files) {
   if (files.size() == 1) {
-    const Judgement judgement = judge(context, files.front());
-    tell(context, judgement, files.front());
-    context.print_json(to_json(judgement, files.front()));
+    context.print_json(judge(context, files.front()));
     return;
   }
   // One bad file never hides the others; the first failure gives the exit code.
   auto documents = ordered_json::array();
   for (const std::string& file : files) {
     try {
-      const Judgement judgement = judge(context, file);
-      tell(context, judgement, file);
-      documents.push_back(to_json(judgement, file));
+      documents.push_back(judge(context, file));
     } catch (const Error& error) {
       if (error.errc() == Errc::interrupted) throw;
       tell_error(error);
@@ -152,7 +178,8 @@ void check(Context& context, const std::vector<std::string>& files) {
 }  // namespace
 
 void add_check(CLI::App& app, Context& context) {
-  CLI::App* verb = app.add_subcommand("check", "Read, repair and judge surfaces");
+  CLI::App* verb =
+      app.add_subcommand("check", "Read, repair and judge surfaces, or pictures of cut-outs");
   verb->footer(
       "Example:\n  dupin check scan.ply --json\n\nSeveral files give a JSON array; all are judged, "
       "and the first failure gives the\nexit code. A name that starts with '-' needs './' before "
@@ -160,7 +187,7 @@ void add_check(CLI::App& app, Context& context) {
   add_global_options(*verb, context);
   add_input_format(*verb, context);
   auto files = std::make_shared<std::vector<std::string>>();
-  verb->add_option("FILE", *files, "Surfaces; - reads standard input")->required();
+  verb->add_option("FILE", *files, "Surfaces or PNG pictures; - reads standard input")->required();
   verb->callback([files, &context] { check(context, *files); });
 }
 

@@ -254,6 +254,7 @@ void add_global_options(CLI::App& verb, Context& context) {
   limit("--max-line-bytes", limits.max_line_bytes, "Longest line of a text file");
   limit("--max-expansion-ratio", limits.max_expansion_ratio, "Highest gzip ratio");
   limit("--max-expanded-bytes", limits.max_expanded_bytes, "Most bytes from a gzip file");
+  limit("--max-image-pixels", limits.max_image_pixels, "Most pixels of a picture");
   verb.add_option("--max-nesting", limits.max_nesting, "Deepest nesting")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str()

@@ -3,8 +3,8 @@
 
 usage: corpus_test.py DUPIN GEN.PY [--no-memory-limit] [--leave-out=FORMAT,...]
 
-Exit status, codes, counts, area, line, no warning on sound files, 2 s and 1 GiB a file. PNG entries
-belong to the image reader and are left out, as are formats named by --leave-out=wrl,gz.
+Exit status, codes, counts, area, line, size of pictures, no warning on sound files, 2 s and 1 GiB a
+file. Formats named by --leave-out=wrl,gz are left out.
 Exits 77 (skipped) when GEN.PY is not there.
 """
 import json
@@ -61,7 +61,7 @@ def problems_of(entry, code, out, err, seconds, time_limit):
         return problems
     expect = entry.get("expect", {})
     for key, field in (("v", "vertices"), ("f", "faces"), ("f_used", "faces"),
-                       ("components", "components")):
+                       ("components", "components"), ("holes", "holes"), ("w", "width"), ("h", "height")):
         if key in expect and document[field] != expect[key]:
             problems.append(f"{field} {document[field]}, expected {expect[key]}")
     if expect.get("closed") and document["boundary_loops"] != 0:
@@ -79,7 +79,7 @@ def main():
     arguments = [a for a in sys.argv[1:] if not a.startswith("--")]
     dupin, generator = arguments
     limit = "--no-memory-limit" not in sys.argv
-    left_out = {"png"}
+    left_out = set()
     for option in sys.argv:
         if option.startswith("--leave-out="):
             left_out |= set(option.split("=", 1)[1].split(","))

@@ -15,6 +15,7 @@ struct ReadLimits {
   int max_nesting = 64;
   std::int64_t max_expansion_ratio = 100;
   std::int64_t max_expanded_bytes = std::int64_t{1} << 30;
+  std::int64_t max_image_pixels = 64'000'000;
 };
 
 struct ReadOptions {
