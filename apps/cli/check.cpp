@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,26 +29,19 @@ struct Judgement {
   WarningList warnings;  // of the reader, then of the repair
 };
 
-Judgement judge_surface(Context& context, const FileBytes& bytes, const std::string& file) {
+Judgement judge_surface(const Context& context, const FileBytes& bytes, const std::string& file) {
   Judgement judgement;
-  try {
-    with_progress(context, "check", [&] {
-      SurfaceFile input = bytes.judge(file, [&] {
-        return parse_surface(bytes.bytes(), file, context.read, context.run.stage(0.0, 0.5));
-      });
-      judgement.format = input.format + (input.format == "ply" || input.format == "stl"
-                                             ? (input.is_binary ? " (binary)" : " (text)")
-                                             : "");
-      HealOptions options;
-      options.drop_nonfinite = context.read.drop_nonfinite;
-      judgement.surface = heal(input.mesh, options, context.run.stage(0.5, 1.0));
-      judgement.warnings = std::move(input.warnings);
-    });
-  } catch (const Error& error) {
-    throw in_file(error, file);
-  }
+  SurfaceFile input = bytes.judge(file, [&] {
+    return parse_surface(bytes.bytes(), file, context.read, context.run.stage(0.0, 0.5));
+  });
+  judgement.format = input.format + (input.format == "ply" || input.format == "stl"
+                                         ? (input.is_binary ? " (binary)" : " (text)")
+                                         : "");
+  HealOptions options;
+  options.drop_nonfinite = context.read.drop_nonfinite;
+  judgement.surface = heal(input.mesh, options, context.run.stage(0.5, 1.0));
+  judgement.warnings = std::move(input.warnings);
   judgement.warnings.append(judgement.surface.warnings);
-  context.report(file, judgement.warnings);
   return judgement;
 }
 
@@ -140,19 +134,29 @@ bool is_picture(const FileBytes& bytes, const std::string& file) {
 }
 
 ordered_json judge(Context& context, const std::string& file) {
+  std::optional<ImageJudgement> picture;
+  Judgement surface;
   try {
-    const FileBytes bytes = FileBytes::open(file, context.read.limits, context.run);
-    if (is_picture(bytes, file)) {
-      const ImageJudgement judgement = judge_image(context, bytes, file);
-      tell(context, judgement, file);
-      return to_json(judgement, file);
-    }
-    const Judgement judgement = judge_surface(context, bytes, file);
-    tell(context, judgement, file);
-    return to_json(judgement, file);
+    // Opening waits for standard input, so it is part of what --timeout and signals end.
+    with_progress(context, "check", [&] {
+      const FileBytes bytes = FileBytes::open(file, context.read.limits, context.run);
+      if (is_picture(bytes, file)) {
+        picture = judge_image(context, bytes, file);
+      } else {
+        surface = judge_surface(context, bytes, file);
+      }
+    });
   } catch (const Error& error) {
     throw in_file(error, file);
   }
+  if (picture) {
+    context.report(file, picture->warnings);
+    tell(context, *picture, file);
+    return to_json(*picture, file);
+  }
+  context.report(file, surface.warnings);
+  tell(context, surface, file);
+  return to_json(surface, file);
 }
 
 void check(Context& context, const std::vector<std::string>& files) {

@@ -9,27 +9,24 @@ namespace dupin::cli {
 
 using nlohmann::ordered_json;
 
-ImageJudgement judge_image(Context& context, const FileBytes& file, const std::string& name) {
+ImageJudgement judge_image(const Context& context, const FileBytes& file, const std::string& name) {
   ImageJudgement judgement;
-  with_progress(context, "check", [&] {
-    PngFile picture = file.judge(name, [&] {
-      return parse_png(file.bytes(), name, context.read.limits, context.run.stage(0.0, 0.7));
-    });
-    judgement.width = picture.raster.width;
-    judgement.height = picture.raster.height;
-    judgement.bit_depth = picture.raster.bit_depth;
-    judgement.has_profile = !picture.raster.colour.icc.empty();
-    judgement.warnings = std::move(picture.warnings);
-    ShapeOptions options;
-    options.parts = ShapeParts::all;
-    const ImageShape shape = shape_from_image(picture.raster, options, context.run.stage(0.7, 1.0));
-    context.run.throw_if_cancelled();
-    judgement.num_parts = shape.num_parts;
-    judgement.num_holes = shape.num_holes;
-    judgement.area = signed_area(shape.outline);
-    judgement.warnings.append(shape.warnings);
+  PngFile picture = file.judge(name, [&] {
+    return parse_png(file.bytes(), name, context.read.limits, context.run.stage(0.0, 0.7));
   });
-  context.report(name, judgement.warnings);
+  judgement.width = picture.raster.width;
+  judgement.height = picture.raster.height;
+  judgement.bit_depth = picture.raster.bit_depth;
+  judgement.has_profile = !picture.raster.colour.icc.empty();
+  judgement.warnings = std::move(picture.warnings);
+  ShapeOptions options;
+  options.parts = ShapeParts::all;
+  const ImageShape shape = shape_from_image(picture.raster, options, context.run.stage(0.7, 1.0));
+  context.run.throw_if_cancelled();
+  judgement.num_parts = shape.num_parts;
+  judgement.num_holes = shape.num_holes;
+  judgement.area = signed_area(shape.outline);
+  judgement.warnings.append(shape.warnings);
   return judgement;
 }
 

@@ -21,9 +21,9 @@ struct ImageJudgement {
   WarningList warnings;
 };
 
-/// Reads the bytes of a PNG and follows the outline of all its parts.
-/// @throws as parse_png() and shape_from_image()
-ImageJudgement judge_image(Context& context, const FileBytes& file, const std::string& name);
+/// Reads the bytes of a PNG and follows the outline of all its parts. Says nothing yet.
+/// @throws as parse_png() and shape_from_image(); Error(Errc::interrupted) when cancelled
+ImageJudgement judge_image(const Context& context, const FileBytes& file, const std::string& name);
 
 nlohmann::ordered_json to_json(const ImageJudgement& judgement, const std::string& file);
 void tell(const Context& context, const ImageJudgement& judgement, const std::string& file);
