@@ -153,13 +153,14 @@ class Parser {
       skip_space();
       if (at_ >= text_.size() || text_[at_] != '"') throw unexpected("a name in quotes");
       std::string name = parse_string();
-      if (value.members.size() >= 1000) throw over_limit("E_TOO_LARGE", "more than 1000 names");
+      if (value.items.size() >= 1000) throw over_limit("E_TOO_LARGE", "more than 1000 names");
       if (value.find(name) != nullptr)
         throw json_error("E_SYNTAX", "the name \"" + escaped(name) + "\" comes twice", line_);
       skip_space();
       if (!take(':')) throw unexpected("\":\"");
       JsonValue member = parse_value(depth + 1);
-      value.members.emplace_back(std::move(name), std::move(member));
+      value.names.push_back(std::move(name));
+      value.items.push_back(std::move(member));
       skip_space();
     } while (take(','));
     if (!take('}')) throw unexpected("\",\" or \"}\"");
@@ -278,9 +279,8 @@ std::string shortest_scientific(double value) {
 }  // namespace
 
 const JsonValue* JsonValue::find(std::string_view key) const {
-  const auto found = std::find_if(members.begin(), members.end(),
-                                  [&](const auto& member) { return member.first == key; });
-  return found == members.end() ? nullptr : &found->second;
+  const auto found = std::find(names.begin(), names.end(), key);
+  return found == names.end() ? nullptr : &items[static_cast<std::size_t>(found - names.begin())];
 }
 
 IoError json_error(const char* code, const std::string& message, std::int64_t line,

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "dupin/base/error.h"
@@ -18,8 +17,8 @@ struct JsonValue {
   double number = 0.0;
   std::int64_t line = 1;
   std::string text;
-  std::vector<JsonValue> items;                            ///< of an array
-  std::vector<std::pair<std::string, JsonValue>> members;  ///< of an object, in order
+  std::vector<JsonValue> items;    ///< of an array, or the values of an object in order
+  std::vector<std::string> names;  ///< (object) one for each item
 
   const JsonValue* find(std::string_view key) const;  ///< null: no such member
 };

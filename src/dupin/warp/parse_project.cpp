@@ -100,9 +100,11 @@ void read_fields(const JsonValue& json, const Fields& fields,
                  std::initializer_list<std::string_view> others, const std::string& where,
                  T& object) {
   require_kind(json, Kind::object, where);
-  for (const auto& [name, value] : json.members) {
+  for (std::size_t i = 0; i < json.items.size(); ++i) {
+    const std::string& name = json.names[i];
+    const JsonValue& value = json.items[i];
     const auto field = std::find_if(fields.begin(), fields.end(),
-                                    [&key = name](const auto& each) { return each.name == key; });
+                                    [&](const auto& each) { return each.name == name; });
     if (field != fields.end()) {
       read_field(value, *field, where, object);
     } else if (std::find(others.begin(), others.end(), name) == others.end()) {

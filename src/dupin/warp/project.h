@@ -51,7 +51,7 @@ struct ContourSettings {
   double alpha_threshold = 0.5;  ///< (alpha) 0.001 to 1, inside where alpha is at least that
   bool keep_holes = true;        ///< (alpha)
   bool all_components = false;   ///< (alpha) false: the largest only, as the thesis
-  double detail = 40.0;          ///< beta of Eq. 7.36 ff., above 6 to 1e5: sigma = I / beta
+  double detail = 60.0;          ///< beta of Eq. 7.36 ff., above 6 to 1e5: sigma = I / beta
   double prominence = 0.0;       ///< 0 to 1e6 [-]; 0: from the noise of the contour
   double separation = 0.0;       ///< [px] 0 to 1e6; 0: from the scale
   std::vector<Points2> loops;    ///< (polyline) drawn by the user, at least three corners each
