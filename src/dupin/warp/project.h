@@ -60,9 +60,9 @@ struct ContourSettings {
 };
 
 struct MeshSettings {
-  double spacing = 0.0;     ///< [px] 0 or 0.5 to 1e5; 0: from the size of the shape
-  double min_angle = 25.0;  ///< [deg] 0 to 33
-  int smoothing = 5;        ///< rounds, 0 to 1000
+  double spacing = 0.0;     ///< [px] 0 or 0.5 to 16384; 0: from the size of the shape
+  double min_angle = 25.0;  ///< [deg] 0 to 30
+  int smoothing = 3;        ///< rounds, 0 to 1000
 
   bool operator==(const MeshSettings&) const = default;
 };

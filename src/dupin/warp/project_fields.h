@@ -36,8 +36,8 @@ inline constexpr std::array<Field<ContourSettings>, 6> kContourFields = {{
     {"separation", &ContourSettings::separation, 0.0, 1e6},
 }};
 inline constexpr std::array<Field<MeshSettings>, 3> kMeshFields = {{
-    {"spacing", &MeshSettings::spacing, 0.5, 1e5, true},
-    {"min_angle", &MeshSettings::min_angle, 0.0, 33.0},
+    {"spacing", &MeshSettings::spacing, 0.5, 16384.0, true},
+    {"min_angle", &MeshSettings::min_angle, 0.0, 30.0},
     {"smoothing", &MeshSettings::smoothing, 0.0, 1000.0},
 }};
 inline constexpr std::array<Field<DeformationSettings>, 3> kDeformationFields = {{
