@@ -56,9 +56,10 @@ TEST(ContourMatch, AContourMatchesItself) {
 // The direction of a loop is no property of the shape.
 TEST(ContourMatch, LoopsMayRunEitherWay) {
   const Points2 from = garment(Garment::t_shirt, 4);
+  const Points2 reversed = from.colwise().reverse();
   for (const auto& [turn_from, turn_to] : {std::pair(true, false), {false, true}, {true, true}}) {
-    const Points2 a = turn_from ? Points2(from.colwise().reverse()) : from;
-    const Points2 b = turn_to ? Points2(from.colwise().reverse()) : from;
+    const Points2& a = turn_from ? reversed : from;
+    const Points2& b = turn_to ? reversed : from;
     const ContourMatch match = match_contours(a, b);
     EXPECT_EQ(match.is_reversed, turn_from != turn_to);
     EXPECT_LT(largest_error(a, b, match, a), 4.0);
@@ -128,10 +129,12 @@ TEST(ContourMatch, RoundContoursAndBadOptionsAreRefused) {
   }
   EXPECT_THROW(match_contours(circle, circle), AnalysisError);
   const Points2 shirt = garment(Garment::t_shirt, 4);
-  EXPECT_THROW(match_contours(shirt, shirt, {.upright = -1.0}), InvalidArgument);
-  EXPECT_THROW(
-      match_contours(shirt, shirt, {.upright = 1.0, .allow_mirrored = false, .detail = 20.0}),
-      InvalidArgument);
+  ContourMatchOptions options;
+  options.upright = -1.0;
+  EXPECT_THROW(match_contours(shirt, shirt, options), InvalidArgument);
+  options.upright = 1.0;
+  options.detail = 20.0;
+  EXPECT_THROW(match_contours(shirt, shirt, options), InvalidArgument);
   const RunControl run = RunControl::create();
   run.cancel();
   EXPECT_EQ(match_contours(shirt, shirt, {}, run).status, Status::cancelled);

@@ -73,7 +73,9 @@ TEST(SilhouetteFit, ReachesTheSilhouette) {
     for (Index k = 0; k < fit.arcs.size(); ++k) {
       const WarpPin& pin = fit.pins[static_cast<std::size_t>(k)];
       EXPECT_EQ(pin.kind, PinKind::exterior);
-      if (k > 0) EXPECT_GT(fit.arcs(k), fit.arcs(k - 1));
+      if (k > 0) {
+        EXPECT_GT(fit.arcs(k), fit.arcs(k - 1));
+      }
     }
   }
 }
