@@ -18,6 +18,8 @@ using Eigen::Index;
 using Eigen::Vector2d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Two triangles of a rectangle have one circle: of those the nearer goes first.
+constexpr double kNearer = 1e-7;
 constexpr double kSight = 1e-12;  // sine of the angle by which a ray may miss what it grazes
 
 using Reached = std::pair<double, std::int32_t>;
@@ -230,9 +232,10 @@ class Sight {
     const Vector2d c = vertex(f, 2) - eye_;
     const double area = cross(b - a, c - a);
     if (area <= 0.0) return a.squaredNorm();
-    return (a.squaredNorm() * cross(b, c) + b.squaredNorm() * cross(c, a) +
-            c.squaredNorm() * cross(a, b)) /
-           area;
+    const double inside = (a.squaredNorm() * cross(b, c) + b.squaredNorm() * cross(c, a) +
+                           c.squaredNorm() * cross(a, b)) /
+                          area;
+    return kNearer * (a + b + c).squaredNorm() - inside;
   }
 
   void propagate() {
