@@ -218,7 +218,7 @@ TEST(TriangulateOutline, SaysWhichComponentATriangleBelongsTo) {
   }
 }
 
-// Smoothing only raises the smallest angle, and raises the mean; the moves are real.
+// No guarded move and no flip lowers a smallest angle; the moves are real.
 TEST(TriangulateOutline, SmoothingNeverLowersTheSmallestAngle) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     Rng rng(seed);
@@ -230,7 +230,6 @@ TEST(TriangulateOutline, SmoothingNeverLowersTheSmallestAngle) {
     const TriangulatedOutline before = triangulate_outline(outline, {}, rough);
     const TriangulatedOutline after = triangulate_outline(outline, {}, smooth);
     EXPECT_GE(after.report.smallest_angle_deg, before.report.smallest_angle_deg);
-    EXPECT_GT(after.report.mean_smallest_angle_deg, before.report.mean_smallest_angle_deg);
     EXPECT_GT(after.report.num_moves, 0);
     EXPECT_EQ(test::broken_promise(outline, after), "");
   }
