@@ -24,7 +24,7 @@ class Refiner {
       : mesh_(mesh),
         border_(border),
         options_(options),
-        bound_(1.0 / std::tan(options.min_angle_rad)) {}
+        bound_(options.min_angle_rad > 0.0 ? 1.0 / std::tan(options.min_angle_rad) : HUGE_VAL) {}
 
   RefinementCounts run(const RunControl& control) {
     for (std::int32_t e = 0; e < 4 * mesh_.num_triangles(); ++e)

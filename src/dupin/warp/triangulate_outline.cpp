@@ -60,9 +60,10 @@ class Mesher {
   TriangulatedOutline run(const Points2& fixed_points, const RunControl& control) {
     result_.fixed_vertex.assign(at(fixed_points.rows()), kNone);
     place_fixed_points(fixed_points);
-    refuse_too_many();
+    refuse_over_limit(least_triangles());
     const std::vector<GridPoint> lattice = hexagonal_lattice(
         grid_.segments(), pins_, spacing_, kBorderClearance * spacing_, kPinClearance * spacing_);
+    refuse_over_limit(first_triangles(lattice.size()));
     result_.report.num_lattice_points = static_cast<std::int64_t>(lattice.size());
     insert_points(lattice, control);
     if (control.cancelled()) return cancelled();
@@ -125,15 +126,24 @@ class Mesher {
     }
   }
 
-  void refuse_too_many() const {
+  // The lattice of an outline much larger than the limit is not even made.
+  double least_triangles() const {
     const double area = static_cast<double>(grid_.area()) * 0.5 * kMeshStep * kMeshStep;
+    const double corners = static_cast<double>(grid_.segments().size());
     const double h = options_.spacing_px;
-    const double inside = area / (0.25 * std::numbers::sqrt3 * h * h);
-    const double corners = static_cast<double>(grid_.segments().size() + 2 * pins_.size());
-    if (inside + corners <= static_cast<double>(options_.max_triangles)) return;
+    return std::min(area / (0.25 * std::numbers::sqrt3 * h * h) - 8.0 * corners, 1e15);
+  }
+
+  // Before refinement a mesh has two triangles a point inside and one a corner, less two.
+  double first_triangles(std::size_t lattice) const {
+    return static_cast<double>(2 * (lattice + pins_.size()) + grid_.segments().size()) - 2.0;
+  }
+
+  void refuse_over_limit(double triangles) const {
+    if (triangles <= static_cast<double>(options_.max_triangles)) return;
     throw Error(Errc::over_limit, "E_TOO_LARGE",
-                "a spacing of " + std::to_string(h) + " px makes about " +
-                    std::to_string(std::llround(inside + corners)) + " triangles, more than " +
+                "a spacing of " + std::to_string(options_.spacing_px) + " px makes about " +
+                    std::to_string(std::llround(triangles)) + " triangles, more than " +
                     std::to_string(options_.max_triangles),
                 {}, "give a larger spacing or a larger limit");
   }
