@@ -76,7 +76,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const dupin::Outline outline = dupin::prepare_outline(raw, prepare).outline;
     dupin::MeshingOptions options;
     options.spacing_px = spacing;
-    options.max_triangles = 100000;
+    options.max_triangles = 5000;
     const auto made = dupin::triangulate_outline(outline, pins, options);
     const std::string broken = dupin::test::broken_promise(outline, made);
     if (!broken.empty()) {

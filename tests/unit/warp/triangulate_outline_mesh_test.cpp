@@ -160,6 +160,9 @@ TEST(TriangulateOutline, CountsAnglesThatTheOutlineForces) {
   const double bound = std::atan(std::sin(tip) / (2.0 - std::cos(tip))) * 180.0 / std::numbers::pi;
   EXPECT_GE(made.report.smallest_angle_deg, bound - 0.05);
   EXPECT_LE(made.report.smallest_angle_deg, 20.05);
+  // Triangles that the tips force are left alone, not chased into them with ever shorter edges.
+  for (const BorderEdge& e : made.border)
+    EXPECT_GE((made.mesh.points.row(e.to) - made.mesh.points.row(e.from)).norm(), 15.0 / 8.0);
 }
 
 // A pin is a vertex at its place to half a step; pins at one place share one, pins outside and in
