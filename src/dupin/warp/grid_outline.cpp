@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "dupin/base/error.h"
@@ -33,9 +32,11 @@ std::string edge_name(std::int64_t loop, std::int64_t edge) {
 }
 
 std::string near_place(double x, double y) {
-  char text[96];
-  std::snprintf(text, sizeof text, " near (%.2f, %.2f)", x, y);
-  return text;
+  const auto hundredths = [](double value) {
+    const std::string digits = std::to_string(std::round(100.0 * value) / 100.0);
+    return digits.substr(0, digits.size() - 4);
+  };
+  return " near (" + hundredths(x) + ", " + hundredths(y) + ")";
 }
 
 GridOutline::GridOutline(const Outline& outline) : component_(outline.component) {
