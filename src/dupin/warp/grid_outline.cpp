@@ -162,14 +162,14 @@ std::vector<std::int32_t> GridOutline::label_triangles(const Triangulation& mesh
 
 void GridOutline::refuse_crossing(std::int32_t s, std::int32_t other) const {
   const Eigen::RowVector2d place = to_pixels(corner(s));
-  throw AnalysisError("E_OUTLINE_CROSSES", edge_name(loop(s), edge(s)) + " crosses " +
+  throw AnalysisError("E_OUTLINE_CROSSED", edge_name(loop(s), edge(s)) + " crosses " +
                                                edge_name(loop(other), edge(other)) +
                                                near_place(place.x(), place.y()));
 }
 
 void GridOutline::refuse_touching(std::int32_t s, std::int32_t touched) const {
   const Eigen::RowVector2d place = to_pixels(corner(touched));
-  throw AnalysisError("E_OUTLINE_CROSSES", edge_name(loop(s), edge(s)) + " touches corner " +
+  throw AnalysisError("E_OUTLINE_CROSSED", edge_name(loop(s), edge(s)) + " touches corner " +
                                                std::to_string(edge(touched)) + " of loop " +
                                                std::to_string(loop(touched)) +
                                                near_place(place.x(), place.y()));
@@ -177,7 +177,7 @@ void GridOutline::refuse_touching(std::int32_t s, std::int32_t touched) const {
 
 void GridOutline::refuse_repeated(std::int32_t first, std::int32_t second) const {
   const Eigen::RowVector2d place = to_pixels(corner(first));
-  throw AnalysisError("E_OUTLINE_CROSSES", "corner " + std::to_string(edge(first)) + " of loop " +
+  throw AnalysisError("E_OUTLINE_CROSSED", "corner " + std::to_string(edge(first)) + " of loop " +
                                                std::to_string(loop(first)) + " lies on corner " +
                                                std::to_string(edge(second)) + " of loop " +
                                                std::to_string(loop(second)) +

@@ -45,7 +45,7 @@ class GridOutline {
   /// @throws AnalysisError E_OUTLINE_NESTING
   std::vector<std::int32_t> label_triangles(const PlanarTriangulation& mesh) const;
 
-  /// Each throws AnalysisError E_OUTLINE_CROSSES with loops, edges and place.
+  /// Each throws AnalysisError E_OUTLINE_CROSSED with loops, edges and place.
   [[noreturn]] void refuse_crossing(std::int32_t s, std::int32_t other) const;
   [[noreturn]] void refuse_touching(std::int32_t s, std::int32_t corner) const;
   [[noreturn]] void refuse_repeated(std::int32_t corner, std::int32_t other) const;

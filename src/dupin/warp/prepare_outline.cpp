@@ -458,7 +458,7 @@ class Preparer {
       const std::int64_t area = twice_area(points);
       if (points.size() >= 3 && area != 0 && (area > 0) == is_outer) return;
       if (!tighten(loop, 0, loop.size()))
-        throw AnalysisError("E_OUTLINE_CROSSES",
+        throw AnalysisError("E_OUTLINE_CROSSED",
                             "loop " + std::to_string(loop.source) + " lies on itself");
     }
   }
@@ -547,7 +547,7 @@ class Preparer {
       return edge_name(loop.source, loop.raw_corner[at(raw)]);
     };
     const GridPoint p = samples_[at(la)][at(ea)].p;
-    throw AnalysisError("E_OUTLINE_CROSSES",
+    throw AnalysisError("E_OUTLINE_CROSSED",
                         name(la, ea) + " crosses or touches " + name(lb, eb) +
                             near_place(static_cast<double>(p.x + middle_[0]) * kOutlineStep,
                                        static_cast<double>(p.y + middle_[1]) * kOutlineStep),

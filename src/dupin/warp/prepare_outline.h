@@ -35,7 +35,7 @@ struct PreparedOutline {
 ///
 /// @throws InvalidArgument  options out of range, a coordinate that is not finite, sizes that
 /// differ
-/// @throws AnalysisError E_OUTLINE_CROSSES  the raw outline crosses or touches itself: names loops,
+/// @throws AnalysisError E_OUTLINE_CROSSED  the raw outline crosses or touches itself: names loops,
 ///   edges and place
 /// @throws AnalysisError E_OUTLINE_EMPTY  no loop has an area
 /// @throws Error(Errc::over_limit) E_TOO_LARGE  an extent over 32,768 px

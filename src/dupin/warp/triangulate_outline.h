@@ -70,7 +70,7 @@ struct TriangulatedOutline {
 ///   one. Those outside the outline or in a hole are left out (fixed_vertex -1)
 /// @throws InvalidArgument  options out of range; a coordinate that is not finite or not on the
 ///   grid; sizes that differ
-/// @throws AnalysisError E_OUTLINE_CROSSES  edges that cross or touch: names loops, edges and place
+/// @throws AnalysisError E_OUTLINE_CROSSED  edges that cross or touch: names loops, edges and place
 /// @throws AnalysisError E_OUTLINE_NESTING  a loop the wrong way round for where it lies, or with
 ///   another component than the loop around it
 /// @throws Error(Errc::over_limit) E_TOO_LARGE  extent, or more triangles than max_triangles before

@@ -7,7 +7,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
-#include "dupin/warp/exterior_points.h"
+#include "dupin/warp/exterior_frames.h"
 #include "tests/support/planar_shapes.h"
 
 namespace dupin {
@@ -357,7 +357,7 @@ TEST(Deform, ControlLinesConvergeWithDenserSamples) {
 
 // Eq. 7.31 to 7.33: a rigid motion carries the point exactly, also when the first partner falls on
 // the base.
-TEST(ExteriorPoints, AreCarriedByRigidMotions) {
+TEST(ExteriorFrames, AreCarriedByRigidMotions) {
   const PlanarMesh mesh = test::jittered(test::planar_grid(4, 4, 10.0), 1.0);
   const Vector2d point(-3.0, 17.0);
   const ExteriorFrame frame = attach_exterior(mesh.points, point);

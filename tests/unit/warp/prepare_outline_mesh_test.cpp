@@ -145,7 +145,7 @@ TEST(PrepareOutline, DoesNotDependOnTheFirstCorner) {
 
 TEST(PrepareOutline, RefusesOutlinesThatCrossThemselvesAndSaysWhere) {
   const std::string bow_tie = refusal(test::single({{0, 0}, {100, 100}, {100, 0}, {0, 120}}));
-  EXPECT_EQ(bow_tie.substr(0, 17), "E_OUTLINE_CROSSES");
+  EXPECT_EQ(bow_tie.substr(0, 17), "E_OUTLINE_CROSSED");
   EXPECT_NE(bow_tie.find("loop 0, edge 0"), std::string::npos) << bow_tie;
   EXPECT_NE(bow_tie.find("loop 0, edge 2"), std::string::npos) << bow_tie;
   Outline crossing = test::single({{0, 0}, {100, 0}, {100, 100}, {0, 100}});

@@ -312,7 +312,7 @@ TEST(TriangulateOutline, MeshesTheLargestExtent) {
 
 TEST(TriangulateOutline, RefusesWhatCannotBeMeshedAndSaysWhere) {
   const std::string bow_tie = code_of(test::single({{0, 0}, {100, 100}, {100, 0}, {0, 101}}));
-  EXPECT_EQ(bow_tie.substr(0, 17), "E_OUTLINE_CROSSES");
+  EXPECT_EQ(bow_tie.substr(0, 17), "E_OUTLINE_CROSSED");
   EXPECT_NE(bow_tie.find("loop 0, edge"), std::string::npos) << bow_tie;
   EXPECT_NE(bow_tie.find("near ("), std::string::npos);
 
