@@ -23,7 +23,7 @@ Tally tally(const SurfaceSamples& surface, const SurfaceSamples& other, const Po
   tally.all = (other.points.rows() + every - 1) / every;
   visit_near_samples(
       surface, other, pose, every,
-      [&](Index at, const RowVector3d& place, const RowVector3d& turned) {
+      [&](Index at, Index, const RowVector3d& place, const RowVector3d& turned) {
         if ((surface.points.row(at) - place).norm() > apart) return;
         const RowVector3d normal = sign * turned;
         const auto foot = surface.foot(at, place);
@@ -57,6 +57,27 @@ PoseFit assess_pose(const SurfaceSamples& moving, const SurfaceSamples& fixed, c
   const double squares = forth.squares + pose.scale * pose.scale * back.squares;
   fit.rmse = fit.num_pairs > 0 ? std::sqrt(squares / static_cast<double>(fit.num_pairs)) : 0.0;
   return fit;
+}
+
+double plain_confidence_of(const PoseFit& fit, int matches) {
+  if (fit.num_pairs < kFewestPairs) return 0.0;
+  const double overlap = std::max(fit.overlap_moving, fit.overlap_fixed);
+  const double logit = 4.0 - 100.0 * fit.conflict + 20.0 * (std::min(overlap, 0.3) - 0.1) -
+                       40.0 * std::max(0.0, 0.1 - overlap) + 0.1 * std::min(matches, 10);
+  return 1.0 / (1.0 + std::exp(-logit));
+}
+
+double confidence_of(const PoseFit& fit, int matches) {
+  if (fit.conflict >= 1.0) return 0.0;
+  const double count = static_cast<double>(fit.num_pairs) / (1.0 - fit.conflict);
+  if (!(count > 0.0)) return 0.0;
+  const double z = 1.645;
+  const double middle = fit.conflict + z * z / (2.0 * count);
+  const double half =
+      z * std::sqrt(fit.conflict * (1.0 - fit.conflict) / count + z * z / (4.0 * count * count));
+  PoseFit doubted = fit;
+  doubted.conflict = (middle + half) / (1.0 + z * z / count);
+  return plain_confidence_of(doubted, matches);
 }
 
 }  // namespace dupin::detail

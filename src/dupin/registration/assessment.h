@@ -19,4 +19,16 @@ struct AssessmentBounds {
 PoseFit assess_pose(const SurfaceSamples& moving, const SurfaceSamples& fixed, const Pose& pose,
                     bool is_flipped, const AssessmentBounds& bounds, Eigen::Index every = 1);
 
+/// Fewer pairs of samples than this are no evidence of anything.
+constexpr Eigen::Index kFewestPairs = 12;
+
+/// Confidence in [0, 1] that a pose of this fit is right: logistic in what tells right poses from
+/// wrong ones (docs/methods/registration.md), of the share of conflicts as it was counted. For
+/// rough fits on few samples, which are looked at again.
+double plain_confidence_of(const PoseFit& fit, int matches);
+
+/// The same with the share of conflicts at the upper end of its 95 % interval (one-sided, Wilson):
+/// one conflict among thirty pairs says little for a pose.
+double confidence_of(const PoseFit& fit, int matches);
+
 }  // namespace dupin::detail

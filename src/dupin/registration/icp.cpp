@@ -21,6 +21,8 @@ using Matrix7 = Eigen::Matrix<double, 7, 7>;
 using Vector7 = Eigen::Matrix<double, 7, 1>;
 
 constexpr double kNormalCosine = 0.5;
+// Over the usual one: what the residuals of a patch cannot tell, such as the other sampling.
+constexpr double kLeastVariance = 0.05;
 
 void check(const Pose& start, const IcpOptions& options) {
   const auto require = [](bool holds, const char* what) {
@@ -42,19 +44,26 @@ void check(const Pose& start, const IcpOptions& options) {
 template <class Add>
 void pair_with(const SurfaceSamples& surface, const SurfaceSamples& other, const Pose& pose,
                double sign, double bound, Index every, const Add& add) {
-  detail::visit_near_samples(surface, other, pose, every,
-                             [&](Index at, const RowVector3d& place, const RowVector3d& normal) {
-                               const auto foot = surface.foot(at, place);
-                               if (!foot || std::abs(foot->distance) > bound) return;
-                               if (sign * normal.dot(foot->normal) >= kNormalCosine)
-                                 add(place, *foot);
-                             });
+  const double scale = pose.scale * pose.scale;
+  const double usual =
+      scale * other.noise_sigma * other.noise_sigma + surface.noise_sigma * surface.noise_sigma;
+  detail::visit_near_samples(
+      surface, other, pose, every,
+      [&](Index at, Index i, const RowVector3d& place, const RowVector3d& normal) {
+        const auto foot = surface.foot(at, place);
+        if (!foot || std::abs(foot->distance) > bound) return;
+        if (sign * normal.dot(foot->normal) < kNormalCosine) return;
+        const double variance = scale * other.variance[static_cast<size_t>(i)] +
+                                surface.variance[static_cast<size_t>(at)];
+        add(place, *foot, usual > 0.0 ? 1.0 / (variance / usual + kLeastVariance) : 1.0);
+      });
 }
 
-// 1.4826 times the median magnitude: the standard deviation of the pairs that fit.
+// 1.4826 times the median magnitude: the standard deviation of the pairs that fit, of weight 1.
 double spread_of(const std::vector<SurfacePair>& pairs) {
   std::vector<double> size(pairs.size());
-  for (size_t i = 0; i < pairs.size(); ++i) size[i] = std::abs(pairs[i].distance);
+  for (size_t i = 0; i < pairs.size(); ++i)
+    size[i] = std::sqrt(pairs[i].weight) * std::abs(pairs[i].distance);
   const auto middle = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 2);
   std::nth_element(size.begin(), middle, size.end());
   return 1.4826 * *middle;
@@ -86,9 +95,9 @@ Step solve(const std::vector<SurfacePair>& pairs, const Pose& pose, const Vector
   Matrix7 normal_matrix = Matrix7::Zero();
   Vector7 right = Vector7::Zero();
   for (const SurfacePair& pair : pairs) {
-    const double u = pair.distance / width;
+    const double u = std::sqrt(pair.weight) * pair.distance / width;
     if (std::abs(u) >= 1.0) continue;
-    const double weight = (1.0 - u * u) * (1.0 - u * u);
+    const double weight = pair.weight * (1.0 - u * u) * (1.0 - u * u);
     const Vector7 g = gradient_of(pair, center, extent);
     normal_matrix += weight * g * g.transpose();
     right -= weight * pair.distance * g;
@@ -124,17 +133,17 @@ std::vector<SurfacePair> find_pairs(const SurfaceSamples& moving, const SurfaceS
   std::vector<SurfacePair> pairs;
   const double sign = is_flipped ? -1.0 : 1.0;
   pair_with(fixed, moving, pose, sign, bound, every,
-            [&](const RowVector3d& point, const PatchFoot& foot) {
-              pairs.push_back({point, foot.normal, foot.distance});
+            [&](const RowVector3d& point, const PatchFoot& foot, double weight) {
+              pairs.push_back({point, foot.normal, foot.distance, weight});
             });
   const Pose back = inverse(pose);
   pair_with(moving, fixed, back, sign, bound / pose.scale, every,
-            [&](const RowVector3d& point, const PatchFoot& foot) {
+            [&](const RowVector3d& point, const PatchFoot& foot, double weight) {
               // Seen from the fixed side, the moving surface lies as far below.
               const RowVector3d place = moved_point(point, pose);
               const RowVector3d normal = sign * turned_direction(foot.normal, pose);
               const double distance = -sign * pose.scale * foot.distance;
-              pairs.push_back({place + distance * normal, normal, distance});
+              pairs.push_back({place + distance * normal, normal, distance, weight});
             });
   return pairs;
 }

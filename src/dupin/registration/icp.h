@@ -54,6 +54,7 @@ struct SurfacePair {
   Eigen::RowVector3d point;   ///< on the moving surface
   Eigen::RowVector3d normal;  ///< of the patch
   double distance = 0.0;      ///< of the moving above the fixed surface along `normal`
+  double weight = 1.0;        ///< usual variance of a distance over that of these two patches
 };
 
 /// Pairs of the samples of both sides within `bound`; moving samples first. `every` > 1 takes only

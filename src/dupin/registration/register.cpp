@@ -26,7 +26,6 @@ using Eigen::Index;
 using std::size_t;
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
-constexpr Index kFewestPairs = 12;
 constexpr int kRings = 8;        // height maps for a known scale
 constexpr int kScaleRings = 12;  // for an unknown one
 
@@ -97,15 +96,6 @@ Matrix7 covariance_of(const IcpResult& icp, const SurfaceSamples& moving,
   Eigen::Matrix<double, 7, 1> unit;
   unit << Eigen::Vector3d::Constant(1.0 / icp.extent), Eigen::Vector3d::Ones(), 1.0 / icp.extent;
   return unit.asDiagonal() * covariance * unit.asDiagonal();
-}
-
-// Logistic in what tells right poses from wrong ones (docs/methods/registration.md has the fit).
-double confidence_of(const PoseFit& fit, int matches) {
-  if (fit.num_pairs < kFewestPairs) return 0.0;
-  const double overlap = std::max(fit.overlap_moving, fit.overlap_fixed);
-  const double logit = 4.0 - 60.0 * fit.conflict + 20.0 * (std::min(overlap, 0.3) - 0.1) -
-                       40.0 * std::max(0.0, 0.1 - overlap) + 0.1 * std::min(matches, 10);
-  return 1.0 / (1.0 + std::exp(-logit));
 }
 
 RegistrationResult cancelled_result() {
@@ -224,7 +214,8 @@ class Search {
   }
 
   void finish_rough(Trial trial) {
-    trial.candidate.confidence = confidence_of(trial.candidate.fit, trial.candidate.matches);
+    trial.candidate.confidence =
+        detail::plain_confidence_of(trial.candidate.fit, trial.candidate.matches);
     trials_.push_back(std::move(trial));
   }
 
@@ -282,7 +273,7 @@ class Search {
     candidate.fit = detail::assess_pose(samples_.moving, samples_.fixed, candidate.pose,
                                         candidate.is_flipped, samples_.bounds);
     candidate.fit.stability = stability_of(refined, options_.estimate_scale);
-    candidate.confidence = confidence_of(candidate.fit, candidate.matches);
+    candidate.confidence = detail::confidence_of(candidate.fit, candidate.matches);
     return refined;
   }
 
@@ -335,7 +326,7 @@ class Search {
   }
 
   Refusal judge(const PoseCandidate& best) const {
-    if (best.fit.num_pairs < kFewestPairs)
+    if (best.fit.num_pairs < detail::kFewestPairs)
       return best.matches == 0 ? Refusal::no_features : Refusal::no_overlap;
     if (best.fit.stability < 1e-3) return Refusal::undetermined;
     if (best.confidence < options_.min_confidence)

@@ -189,6 +189,7 @@ SurfaceSamples sample_surface(const Points& points, const Points& normals,
     samples.points.row(i) = one.patch.projected();
     samples.normals.row(i) =
         (one.patch.n - gx * one.patch.u1 - gy * one.patch.u2) / std::sqrt(1.0 + gx * gx + gy * gy);
+    samples.variance.push_back(one.patch.variance);
     samples.is_border.push_back(one.is_border ? 1 : 0);
     variance += one.patch.dof * one.patch.variance;
     dof += one.patch.dof;

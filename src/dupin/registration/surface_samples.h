@@ -26,6 +26,7 @@ struct SurfaceSamples {
   Points points;                        ///< #S by 3, on the patches [mu]
   Points normals;                       ///< #S by 3 unit
   std::vector<MlsPatch> patches;        ///< #S
+  std::vector<double> variance;         ///< #S: mean square residual of the points [mu^2]
   std::vector<std::uint8_t> is_border;  ///< #S: its neighbourhood lies to one side of it
   double spacing = 0.0;                 ///< edge of the cells, one sample each [mu]
   double radius = 0.0;                  ///< of the patches [mu]

@@ -7,11 +7,15 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <string>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
+#include "dupin/io/surface_io.h"
 #include "dupin/mesh/shapes.h"
+#include "dupin/registration/assessment.h"
+#include "tests/support/data.h"
 #include "tests/support/rugged_body.h"
 #include "tests/support/scan_pair.h"
 
@@ -237,6 +241,54 @@ TEST(Register, LimitsChooseAmongEqualPoses) {
       register_scans(describe_scan(rugged(3, 3'000)), body, blind(false));
   EXPECT_FALSE(refused.accepted);
   EXPECT_EQ(refused.covariance.norm(), 0.0);
+}
+
+// A share of conflicts that few pairs tell is uncertain: it counts as what it may well be. Three in
+// a hundred of thirty pairs may be fifteen; of a thousand it is little more than three.
+TEST(Confidence, OfFewPairsIsLow) {
+  PoseFit fit;
+  fit.overlap_moving = fit.overlap_fixed = 0.15;
+  fit.conflict = 1.0 / 32.0;
+  fit.num_pairs = 31;
+  const double few = detail::confidence_of(fit, 22);
+  EXPECT_LT(few, RegistrationOptions().min_confidence);
+  EXPECT_NEAR(detail::plain_confidence_of(fit, 22), 1.0 / (1.0 + std::exp(-6.0 + 100.0 / 32.0)),
+              1e-9);
+  fit.num_pairs = 992;
+  const double many = detail::confidence_of(fit, 22);
+  // Wilson's bound of 32 in 1024 is .0415: logit 6 - 4.15.
+  EXPECT_NEAR(many, 1.0 / (1.0 + std::exp(-1.85)), 0.01);
+  // Wilson's bound of no conflict in n is z^2 / (n + z^2): the limit is the bare logit.
+  fit.conflict = 0.0;
+  fit.num_pairs = 1'000'000'000;
+  EXPECT_NEAR(detail::confidence_of(fit, 22), 1.0 / (1.0 + std::exp(-6.0)), 1e-6);
+  fit.num_pairs = 32;
+  const double z2 = 1.645 * 1.645;
+  EXPECT_NEAR(detail::confidence_of(fit, 22),
+              1.0 / (1.0 + std::exp(-6.0 + 100.0 * z2 / (32.0 + z2))), 1e-9);
+  fit.num_pairs = 11;
+  EXPECT_EQ(detail::confidence_of(fit, 22), 0.0);
+  fit.conflict = 1.0;
+  fit.num_pairs = 0;
+  EXPECT_EQ(detail::confidence_of(fit, 22), 0.0);
+}
+
+Points real_points(const std::string& path) { return read_surface(path).mesh.points; }
+
+// Two views of a bunny of 361 and 397 points lie on each other; the milk carton that stands beside
+// them rests on the bunny with a few samples, one of which crosses it, and is refused.
+TEST(Register, RealViewsAreToldFromAnotherObject) {
+  DUPIN_REQUIRE_SHARED(first, "registration/bunny_views/bun0.pcd");
+  DUPIN_REQUIRE_SHARED(second, "registration/bunny_views/bun4.pcd");
+  DUPIN_REQUIRE_SHARED(other, "registration/bunny_views/milk.pcd");
+  const ScanFeatures fixed = describe_scan(PointCloud{real_points(first), {}});
+  const RegistrationResult same =
+      register_scans(describe_scan(PointCloud{real_points(second), {}}), fixed, blind(false));
+  EXPECT_TRUE(same.accepted);
+  EXPECT_GT(same.best.fit.overlap_moving, 0.9);
+  const RegistrationResult milk =
+      register_scans(describe_scan(PointCloud{real_points(other), {}}), fixed, blind(false));
+  EXPECT_FALSE(milk.accepted);
 }
 
 // First order: over many draws of the noise the pose scatters as its covariance says, within a
