@@ -16,6 +16,7 @@ namespace dupin {
 namespace {
 
 using Eigen::Index;
+using Eigen::RowVector3d;
 using Eigen::VectorXd;
 
 void check(const ThesisFeatureOptions& options) {
@@ -54,37 +55,91 @@ std::vector<std::int32_t> connected_ball(const SurfaceGraph& graph, std::int32_t
   return ball;
 }
 
-ThesisFeature describe(const SurfaceGraph& graph, const LevelMatrix& loc, double factor,
-                       const Keypoint& keypoint, double neighborhood) {
+// Gradient of a signal at a vertex: differences along the edges, each counting by 1 over its
+// squared length, least squares in the tangent plane.
+RowVector3d gradient_at(const SurfaceGraph& graph, const LevelMatrix& levels, Index level,
+                        std::int32_t v) {
+  const RowVector3d normal = graph.normals.row(v);
+  RowVector3d sum = RowVector3d::Zero();
+  double count = 0.0;
+  for (const std::int32_t* n = graph.topology.ring.begin(v); n != graph.topology.ring.end(v); ++n) {
+    RowVector3d edge = graph.points.row(*n) - graph.points.row(v);
+    edge -= edge.dot(normal) * normal;
+    const double squared = edge.squaredNorm();
+    if (!(squared > 0.0)) continue;
+    sum += (levels(level, *n) - levels(level, v)) / squared * edge;
+    count += 1.0;
+  }
+  return count > 0.0 ? RowVector3d(2.0 / count * sum) : sum;
+}
+
+Eigen::Matrix3d frame_of(const SurfaceGraph& graph, const ScaleSpace& space,
+                         const ThesisFeature& feature, const std::vector<std::int32_t>& ball,
+                         FrameRule rule) {
+  const Index level = feature.keypoint.level;
+  const RowVector3d normal = graph.normals.row(feature.keypoint.vertex);
+  Points rows(static_cast<Index>(ball.size()), 3);
+  VectorXd weights(rows.rows());
+  for (Index i = 0; i < rows.rows(); ++i) {
+    const std::int32_t v = ball[static_cast<std::size_t>(i)];
+    const double away = (graph.points.row(v) - feature.position).norm() / feature.radius;
+    rows.row(i) = rule == FrameRule::gradient ? gradient_at(graph, space.levels, level, v)
+                                              : RowVector3d(graph.points.row(v));
+    weights[i] = rule == FrameRule::loc       ? space.loc(level, v)
+                 : rule == FrameRule::uniform ? 1.0
+                                              : std::exp(-2.0 * away * away);
+  }
+  return rule == FrameRule::gradient ? gradient_frame(rows, weights, normal)
+                                     : principal_frame(rows, weights, normal);
+}
+
+ThesisFeature describe(const SurfaceGraph& graph, const ScaleSpace& space, double factor,
+                       const Keypoint& keypoint, const ThesisFeatureOptions& options) {
   ThesisFeature feature;
   feature.keypoint = keypoint;
   feature.position = graph.points.row(keypoint.vertex);
-  feature.radius = neighborhood * keypoint.radius;
+  feature.radius = options.neighborhood * keypoint.radius;
   const std::vector<std::int32_t> ball = connected_ball(graph, keypoint.vertex, feature.radius);
-  Points points(static_cast<Index>(ball.size()), 3);
-  VectorXd weights(points.rows());
-  feature.values.resize(ball.size());
-  for (Index i = 0; i < points.rows(); ++i) {
-    const std::int32_t v = ball[static_cast<std::size_t>(i)];
-    points.row(i) = graph.points.row(v);
-    weights[i] = loc(keypoint.level, v);
-    feature.values[static_cast<std::size_t>(i)] = factor * weights[i] * keypoint.radius;
+  feature.values.reserve(ball.size());
+  for (const std::int32_t v : ball) {
+    const double value = options.value == DescriptorValue::loc
+                             ? factor * space.loc(keypoint.level, v)
+                             : space.levels(keypoint.level, v);
+    feature.values.push_back(value * keypoint.radius);
   }
   std::sort(feature.values.begin(), feature.values.end());
-  feature.frame = principal_frame(points, weights, graph.normals.row(keypoint.vertex));
+  feature.frame = frame_of(graph, space, feature, ball, options.frame);
   return feature;
+}
+
+void require_frame_input(const Points& rows, const VectorXd& weights) {
+  if (rows.rows() != weights.size()) throw InvalidArgument("rows and weights differ in size");
+  const auto is_finite = [](double x) { return std::isfinite(x); };
+  if (!std::all_of(rows.data(), rows.data() + rows.size(), is_finite) ||
+      !std::all_of(weights.data(), weights.data() + weights.size(), is_finite)) {
+    throw InvalidArgument("points, gradients and weights must be finite");
+  }
 }
 
 }  // namespace
 
+Eigen::Matrix3d gradient_frame(const Points& gradients, const VectorXd& weights,
+                               const RowVector3d& normal) {
+  require_frame_input(gradients, weights);
+  const RowVector3d n = normal.norm() > 0.0 ? normal.normalized() : RowVector3d::UnitZ().eval();
+  RowVector3d along = weights.transpose() * gradients;
+  along -= along.dot(n) * n;
+  if (!(along.norm() > 0.0)) along = n.unitOrthogonal();
+  Eigen::Matrix3d frame;
+  frame.col(0) = along.normalized().transpose();
+  frame.col(2) = n.transpose();
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  return frame;
+}
+
 Eigen::Matrix3d principal_frame(const Points& points, const VectorXd& weights,
                                 const Eigen::RowVector3d& normal) {
-  if (points.rows() != weights.size()) throw InvalidArgument("points and weights differ in size");
-  const auto is_finite = [](double x) { return std::isfinite(x); };
-  if (!std::all_of(points.data(), points.data() + points.size(), is_finite) ||
-      !std::all_of(weights.data(), weights.data() + weights.size(), is_finite)) {
-    throw InvalidArgument("points and weights must be finite");
-  }
+  require_frame_input(points, weights);
   if (points.rows() == 0) return Eigen::Matrix3d::Identity();
   VectorXd share = weights.cwiseAbs();
   const double largest = share.maxCoeff();
@@ -139,7 +194,8 @@ ThesisFeatures describe_by_thesis(const SurfaceGraph& graph, const ThesisFeature
   if (cancelled()) return result;
   ScaleSpaceOptions stack;
   stack.schedule = options.schedule;
-  stack.want_levels = false;
+  stack.want_levels =
+      options.frame == FrameRule::gradient || options.value == DescriptorValue::signal;
   const ScaleSpace space = compute_scale_space(
       umbrella_operator(graph.topology.ring, graph.is_mesh() ? &graph.topology : nullptr), signal,
       stack, run.stage(0.0, 0.8));
@@ -160,7 +216,7 @@ ThesisFeatures describe_by_thesis(const SurfaceGraph& graph, const ThesisFeature
     for (Index i = first; i < last && !run.cancelled(); ++i) {
       const Keypoint& keypoint = set.keypoints[static_cast<std::size_t>(i)];
       result.features[static_cast<std::size_t>(i)] =
-          describe(graph, space.loc, factors[keypoint.level], keypoint, options.neighborhood);
+          describe(graph, space, factors[keypoint.level], keypoint, options);
     }
   });
   if (cancelled()) return result;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
@@ -121,6 +122,21 @@ TEST(PrincipalFrame, TurnsWithThePoints) {
   }
 }
 
+// Gradients of a linear function are all alike: v_1 is its slope within the plane, uphill, and the
+// part along the normal does not count.
+TEST(GradientFrame, PointsUphill) {
+  Points gradients(50, 3);
+  gradients.rowwise() = RowVector3d(3.0, 4.0, 100.0);
+  const Matrix3d frame = gradient_frame(gradients, VectorXd::Ones(50), RowVector3d(0.0, 0.0, 2.0));
+  EXPECT_LT((frame.col(0) - Eigen::Vector3d(0.6, 0.8, 0.0)).norm(), 1e-14);
+  EXPECT_EQ(frame.col(2), Eigen::Vector3d::UnitZ());
+  EXPECT_NEAR(frame.determinant(), 1.0, 1e-14);
+  // Where nothing rises any tangent will do, but it is a frame.
+  const Matrix3d flat = gradient_frame(Points::Zero(50, 3), VectorXd::Ones(50), {1.0, 1.0, 0.0});
+  EXPECT_LT((flat.transpose() * flat - Matrix3d::Identity()).norm(), 1e-14);
+  EXPECT_THROW(gradient_frame(gradients, VectorXd::Ones(49), {0.0, 0.0, 1.0}), InvalidArgument);
+}
+
 // By hand: four values in four bins over [-2, 2], middles -3/4, -1/4, 1/4, 3/4 of the range; what
 // lies beyond the range counts at its end.
 TEST(LocHistogram, WeighsSharesByTheirLoc) {
@@ -148,6 +164,51 @@ TEST(ThesisFeatures, MoveWithTheSurface) {
     const Matrix3d product = (pose.rotation * a.frame).transpose() * b.frame;
     EXPECT_NEAR(product(2, 2), 1.0, 1e-6);
   }
+}
+
+// Tangents of every rule turn with the surface; those of gradients keep their sign as well. A
+// tangent is sure where the rule singles out one direction: on the rugged body it does for most.
+TEST(ThesisFeatures, TangentsOfAllRulesMoveWithTheSurface) {
+  const Pose pose = test::random_pose(3.0, 1.0, 18);
+  const SurfaceGraph surface = surface_graph(rugged());
+  const SurfaceGraph turned_surface = surface_graph(moved(rugged(), pose));
+  std::vector<Matrix3d> first;
+  for (const FrameRule rule :
+       {FrameRule::loc, FrameRule::uniform, FrameRule::gaussian, FrameRule::gradient}) {
+    ThesisFeatureOptions options;
+    options.frame = rule;
+    const ThesisFeatures here = describe_by_thesis(surface, options);
+    const ThesisFeatures there = describe_by_thesis(turned_surface, options);
+    ASSERT_GE(here.features.size(), 20U);
+    ASSERT_EQ(here.features.size(), there.features.size());
+    for (std::size_t i = 0; i < here.features.size(); ++i) {
+      const Eigen::Vector3d expected = pose.rotation * here.features[i].frame.col(0);
+      const double cosine = expected.dot(there.features[i].frame.col(0));
+      EXPECT_GT(rule == FrameRule::gradient ? cosine : std::abs(cosine), 1.0 - 1e-6);
+    }
+    first.push_back(here.features.front().frame);
+  }
+  // Four rules, four frames.
+  for (std::size_t a = 0; a < first.size(); ++a) {
+    for (std::size_t b = a + 1; b < first.size(); ++b) EXPECT_FALSE(first[a] == first[b]);
+  }
+}
+
+// The smoothed signal of a sphere of any size is H; its value without a unit, H times a radius, is
+// that of the feature over that of the sphere. On a bumpy sphere all values lie about it.
+TEST(ThesisFeatures, CountTheCurvatureWhereAsked) {
+  ThesisFeatureOptions options;
+  options.value = DescriptorValue::signal;
+  const ThesisFeatures found = describe_by_thesis(surface_graph(bumpy()), options);
+  ASSERT_GE(found.features.size(), 20U);
+  double sum = 0.0;
+  double count = 0.0;
+  for (const ThesisFeature& feature : found.features) {
+    for (const double value : feature.values) sum += value / feature.keypoint.radius;
+    count += static_cast<double>(feature.values.size());
+  }
+  // Neighbourhoods of bumps and of dents; between them H is 1 on average.
+  EXPECT_NEAR(sum / count, 1.0, 0.5);
 }
 
 // A value of a neighbourhood is tau LoC times a radius: it does not change with the unit.
