@@ -69,8 +69,10 @@ Scan scan_from(const Mesh& surface, const Camera& view, int pixels, double unit,
   return scan;
 }
 
-// x -> -x, with faces turned over so that they still look outward: no rotation undoes it.
+// x -> -x in the unit of the fixed scan, with faces turned over so that they still look outward: no
+// rotation undoes it.
 Mesh mirrored(Mesh mesh) {
+  mesh.points /= kUnit;
   mesh.points.col(0) *= -1.0;
   mesh.triangles.col(1).swap(mesh.triangles.col(2));
   return mesh;
@@ -87,8 +89,9 @@ DemoSubject subject_of(const fs::path& directory, const std::string& name, const
 }
 
 RegistrationAnswer registered(const DemoSubject& moving, const DemoSubject& fixed,
-                              Context& context) {
+                              const std::string& scale, Context& context) {
   RegistrationQuestion question;
+  question.scale = scale;
   question.try_given_pose = false;
   return answer_registration(to_loaded_surface(moving.mesh, moving.name, context),
                              to_loaded_surface(fixed.mesh, fixed.name, context), question,
@@ -148,7 +151,7 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
           "units of their own ({} and {} points, noise {:.0f} % of a pixel), brought "
           "together from their shapes alone.",
           kApart, moving_scan.mesh.points.rows(), fixed_scan.mesh.points.rows(), kNoise));
-  const RegistrationAnswer answer = registered(moving, fixed, context);
+  const RegistrationAnswer answer = registered(moving, fixed, "estimate", context);
   const auto draw_one = [&](const RegistrationPicture& picture, const std::string& name) {
     return drawn_beside(picture, directory.string(), "rugged-" + name + ".png", kDemoWidth, kHeight,
                         context.run);
@@ -168,7 +171,7 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
   add_figures(report, answer, compose(inverse(fixed_scan.world), moving_scan.world));
 
   report.add_heading("What must be refused");
-  const RegistrationAnswer refused = registered(mirror, fixed, context);
+  const RegistrationAnswer refused = registered(mirror, fixed, "fixed", context);
   report.add_paragraph(fmt::format(
       "The mirror image of the moving scan has the same bumps and hollows, but no motion takes it "
       "onto the other one. The answer is {}: {}.",
@@ -178,7 +181,8 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
   report.add_heading("Make such pages yourself");
   report.add_commands(
       {fmt::format("dupin register {} {} --report registered.html", moving.file, fixed.file),
-       fmt::format("dupin register {} {} --report refused.html", mirror.file, fixed.file)});
+       fmt::format("dupin register {} {} --scale fixed --report refused.html", mirror.file,
+                   fixed.file)});
   return {{"pair", figures_of(answer)}, {"mirror_image", figures_of(refused)}};
 }
 
