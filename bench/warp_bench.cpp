@@ -9,8 +9,8 @@
 //                        and one iterations over five, so that its set-up is not in it.
 //
 // Every figure is the median of its repetitions in CPU seconds of this thread. The run fails if the
-// thesis's way, which stops at 1e-6 of the right-hand side, ends farther than 1e-3 of the side of the
-// square from ours.
+// thesis's way, which stops at 1e-6 of the right-hand side, ends farther than 1e-3 of the side of
+// the square from ours.
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
 #include <algorithm>

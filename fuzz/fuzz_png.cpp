@@ -61,8 +61,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   dupin::validate(file->raster);
   require(file->raster.rgba8 == again->raster.rgba8 && file->raster.rgba16 == again->raster.rgba16);
   const std::string written = dupin::format_png(file->raster);
-  const auto read_back = try_read(reinterpret_cast<const std::uint8_t*>(written.data()),
-                                  written.size(), second_code);
+  const auto read_back =
+      try_read(reinterpret_cast<const std::uint8_t*>(written.data()), written.size(), second_code);
   require(read_back && read_back->raster.rgba8 == file->raster.rgba8 &&
           read_back->raster.rgba16 == file->raster.rgba16 &&
           read_back->raster.colour.icc == file->raster.colour.icc);
