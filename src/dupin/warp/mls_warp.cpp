@@ -32,7 +32,7 @@ void require(bool condition, const char* message) {
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // theta of every sample relative to the largest: powers of distances overflow, their ratios do not.
-bool relative_theta(const MlsOptions& options, const VectorXd& weights, double floor_px,
+bool relative_theta(const MlsWarpOptions& options, const VectorXd& weights, double floor_px,
                     double scale_px, Eigen::Ref<VectorXd> theta) {
   Index nearest = 0;
   if (!std::isfinite(theta.minCoeff(&nearest))) return false;
@@ -62,7 +62,7 @@ bool relative_theta(const MlsOptions& options, const VectorXd& weights, double f
 
 MlsWarp::MlsWarp(const Points2& rest, const Points2& sources,
                  const std::vector<ControlSample>& samples, const VectorXd& weights,
-                 const MatrixXd& distances, const VectorXd& radius, const MlsOptions& options)
+                 const MatrixXd& distances, const VectorXd& radius, const MlsWarpOptions& options)
     : options_(options),
       num_vertices_(rest.rows()),
       num_controls_(sources.rows()),

@@ -19,7 +19,7 @@ enum class MlsFalloff {
   csch,   ///< theta = 1 / sinh(d / scale): faster than any power; the thesis found it unstable
 };
 
-struct MlsOptions {
+struct MlsWarpOptions {
   MlsKind kind = MlsKind::rigid;
   MlsFalloff falloff = MlsFalloff::power;
   double alpha = 2.0;     ///< exponent of `power`, in (0, 20] [-]
@@ -51,7 +51,7 @@ class MlsWarp {
   ///   NaN. Cost: O(V S).
   MlsWarp(const Points2& rest, const Points2& sources, const std::vector<ControlSample>& samples,
           const Eigen::VectorXd& weights, const Eigen::MatrixXd& distances,
-          const Eigen::VectorXd& radius, const MlsOptions& options = {});
+          const Eigen::VectorXd& radius, const MlsWarpOptions& options = {});
 
   /// Vertices for controls at `targets` (#M by 2) [px]. `rotations` [rad, from x to y] has #M
   /// entries or none; a NaN entry means that the control does not say. Vertices that no sample
@@ -70,7 +70,7 @@ class MlsWarp {
                          const std::vector<ControlSample>& samples, const Eigen::VectorXd& weights,
                          const Eigen::MatrixXd& distances, double floor_px, double scale_px);
 
-  MlsOptions options_;
+  MlsWarpOptions options_;
   Eigen::Index num_vertices_ = 0;
   Eigen::Index num_controls_ = 0;
   Eigen::RowVector2d origin_ = Eigen::RowVector2d::Zero();

@@ -48,7 +48,7 @@ enum class RotationMode {
 };
 
 struct WarpOptions {
-  MlsOptions mls;
+  MlsWarpOptions mls;
   WarpMetric metric = WarpMetric::geodesic;
   EdgeWeights edge_weights = EdgeWeights::uniform;
   double beta = 4.0;       ///< vertex weight at pins, half of it on their rings, >= 1 (Alg. 3) [-]

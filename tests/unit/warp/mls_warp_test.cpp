@@ -32,7 +32,8 @@ MatrixXd euclidean(const Points2& points, const Points2& controls) {
   return d;
 }
 
-MlsWarp make_warp(const Points2& points, const Points2& controls, const MlsOptions& options = {}) {
+MlsWarp make_warp(const Points2& points, const Points2& controls,
+                  const MlsWarpOptions& options = {}) {
   const Index count = controls.rows();
   return {points,
           controls,
@@ -111,7 +112,7 @@ TEST(MlsWarp, LeavesEverythingWhenNothingMoves) {
   }
   for (const auto kind : {MlsKind::rigid, MlsKind::similarity, MlsKind::affine}) {
     for (const double alpha : {1.0, 2.0, 4.0, 16.0}) {
-      MlsOptions options;
+      MlsWarpOptions options;
       options.kind = kind;
       options.alpha = alpha;
       const Points2 q = make_warp(points, a, options).deform(a);
@@ -130,12 +131,12 @@ TEST(MlsWarp, InterpolatesAndReproducesItsKindOfMap) {
   Eigen::Matrix2d linear;
   linear << 1.3, -0.4, 0.9, 0.7;
   const auto error = [&](MlsKind kind, const Points2& b, const Points2& expected) {
-    MlsOptions options;
+    MlsWarpOptions options;
     options.kind = kind;
     return (make_warp(points, a, options).deform(b) - expected).cwiseAbs().maxCoeff();
   };
   for (const auto kind : {MlsKind::rigid, MlsKind::similarity, MlsKind::affine}) {
-    MlsOptions options;
+    MlsWarpOptions options;
     options.kind = kind;
     const Points2 q = make_warp(points, a, options).deform(anywhere);
     EXPECT_LT((q.topRows(5) - anywhere).cwiseAbs().maxCoeff(), 1e-9);
@@ -162,7 +163,7 @@ TEST(MlsWarp, SurvivesDegenerateControls) {
   Points2 shifted = points;
   shifted.rowwise() += RowVector2d(5.0, -2.0);
   for (const auto kind : {MlsKind::rigid, MlsKind::similarity, MlsKind::affine}) {
-    MlsOptions options;
+    MlsWarpOptions options;
     options.kind = kind;
     EXPECT_LT((make_warp(points, one, options).deform(target) - shifted).norm(), 1e-12);
     Points2 line(3, 2);
@@ -210,7 +211,7 @@ TEST(MlsWarp, TurnsWithThePin) {
   EXPECT_LT((q - expected).cwiseAbs().maxCoeff(), 1e-11);
   const Points2 a = random_points(4, 100.0, 21);
   for (const auto kind : {MlsKind::rigid, MlsKind::similarity, MlsKind::affine}) {
-    MlsOptions options;
+    MlsWarpOptions options;
     options.kind = kind;
     const MlsWarp warp = make_warp(points, a, options);
     EXPECT_LT((warp.deform(a, VectorXd::Zero(4)) - points).cwiseAbs().maxCoeff(), 1e-11);
@@ -250,7 +251,7 @@ TEST(MlsWarp, CanFallOffAsCsch) {
   points << 0.0, 5.0, 1e6, 0.0;
   Points2 a(2, 2);
   a << 0.0, 0.0, 100.0, 0.0;
-  MlsOptions options;
+  MlsWarpOptions options;
   options.falloff = MlsFalloff::csch;
   options.scale_px = 5.0;
   const MatrixXd w = make_warp(points, a, options).weights();
@@ -273,7 +274,7 @@ TEST(MlsWarp, HasTheSameBitsForAnyNumberOfThreads) {
 
 TEST(MlsWarp, RefusesWhatDoesNotFit) {
   const Points2 points = random_points(3, 1.0, 18);
-  MlsOptions options;
+  MlsWarpOptions options;
   options.alpha = 0.0;
   EXPECT_THROW(make_warp(points, points, options), InvalidArgument);
   EXPECT_THROW(make_warp(points, points).deform(points.topRows(2)), InvalidArgument);
