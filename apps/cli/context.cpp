@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <mutex>
+#include <string_view>
 #include <thread>
 
 #include "dupin/base/parallel.h"
@@ -86,6 +87,18 @@ nlohmann::ordered_json to_json(const Error& error) {
   if (error.location().byte >= 0) fields["byte"] = error.location().byte;
   fields["hint"] = error.hint();
   return fields;
+}
+
+std::string shell_quoted(const std::string& word) {
+  const std::string name = word.size() > 1 && word[0] == '-' ? "./" + word : word;
+  const auto is_plain = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("_./:=@%+,-").find(c) != std::string_view::npos;
+  };
+  if (!name.empty() && std::all_of(name.begin(), name.end(), is_plain)) return name;
+  std::string quoted = "'";
+  for (const char c : name) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
 }
 
 std::string to_text(const nlohmann::ordered_json& document) {

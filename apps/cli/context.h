@@ -49,6 +49,9 @@ nlohmann::ordered_json to_json(const Error& error);
 /// The text of `document`, and a line end. Bytes that are no UTF-8, as file names may hold, become
 /// U+FFFD.
 std::string to_text(const nlohmann::ordered_json& document);
+
+/// `word` as one word of a shell: quoted where it must be, and never an option.
+std::string shell_quoted(const std::string& word);
 /// "dupin: FILE:LINE: E_CODE: ..." and the hint, on stderr.
 void tell_error(const Error& error);
 

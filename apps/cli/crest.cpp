@@ -200,7 +200,13 @@ void run_crest(Context& context, CrestRequest& request) {
     format = output_format(context, request.output, request.format, {"obj", "ply"});
   if (request.report == "-")
     throw InvalidArgument("--report needs a file, its pictures lie beside it");
-  if (!request.report.empty()) output_format(context, request.report, "", {"html", "htm"});
+  if (!request.report.empty()) {
+    output_format(context, request.report, "", {"html", "htm"});
+    require_writable(request.report);
+  } else if (!request.added_noise.empty()) {
+    throw InvalidArgument("--add-noise is for the page of --report");
+  }
+  if (!request.output.empty() && request.output != "-") require_writable(request.output);
   camera_of(request.view);
   if (request.output != "-") context.read.stdin_format = request.format;
   CrestAnalysis found;

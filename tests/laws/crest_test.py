@@ -151,6 +151,15 @@ class Crest(Law):
         self.crest("e.ply", "--report", "page.png", status=2)
         self.crest("e.ply", "--report", "page.html", "--view", "beside", status=2)
 
+    def test_what_cannot_be_written_or_means_nothing_is_refused_first(self):
+        for words, expected in (
+            (["--add-noise", "20"], 2),
+            (["--report", "nowhere/page.html"], 7),
+            (["-o", "nowhere/lines.obj"], 7),
+        ):
+            status, _, err = self.dupin("crest", "e.ply", *words)
+            self.assertEqual(status, expected, (words, err))
+
     def test_damaged_line_files_are_refused(self):
         self.crest("e.ply", "-o", "l.ply")
         text = read_text(self.path("l.ply"))

@@ -248,8 +248,9 @@ void validate(const CrestOptions& options) {
           "0 <= low <= high");
   require(std::isfinite(options.max_turn) && options.max_turn > 0.0,
           "max_turn is " + std::to_string(options.max_turn), "> 0");
-  require(options.drawn_share > 0.0 && options.drawn_share <= 1.0,
-          "drawn_share is " + std::to_string(options.drawn_share), "(0, 1]");
+  // Between .95 and 1 the difference of two levels is lost in their rounding.
+  require(options.drawn_share > 0.0 && (options.drawn_share <= 0.95 || options.drawn_share == 1.0),
+          "drawn_share is " + std::to_string(options.drawn_share), "(0, 0.95], or 1");
   require(options.min_anisotropy >= 0.0 && options.min_anisotropy < 1.0,
           "min_anisotropy is " + std::to_string(options.min_anisotropy), "[0, 1)");
   const std::pair<const char*, double> lengths[] = {{"noise_sigma", options.noise_sigma},

@@ -30,9 +30,9 @@ struct CrestOptions {
   /// Largest radius |k0| of a scale, > 0 [-], with the largest |k0| of all finer levels: tensors of
   /// places whose normals differ by much more than a radian have no average that means anything.
   double max_turn = 2.0;
-  /// The line of a place is drawn at this share of the tau of its scale, in (0, 1], or as far above
-  /// as noise asks. Lines drift with tau: the tensor is extrapolated to no smoothing by what it
-  /// changes from there to the scale (1: it is not).
+  /// The line of a place is drawn at this share of the tau of its scale, in (0, .95], or as far
+  /// above as noise asks. Lines drift with tau: the tensor is extrapolated to no smoothing by what
+  /// it changes from there to the scale (with 1 it is not).
   double drawn_share = 0.8;
   /// Hysteresis on strength times scale, radius (|k0| - |k1|) [-], the angle that the surface turns
   /// more across the line than along it: a line is followed while it is above `low` and kept if it

@@ -368,6 +368,7 @@ TEST(CrestLines, RefuseWhatTheyCannotDo) {
   refused([](CrestOptions& o) { o.high = 0.01; });
   refused([](CrestOptions& o) { o.noise_sigma = -1.0; });
   refused([](CrestOptions& o) { o.drawn_share = 1.5; });
+  refused([](CrestOptions& o) { o.drawn_share = 1.0 - 1e-9; });
   refused([](CrestOptions& o) { o.max_turn = 0.0; });
   refused([](CrestOptions& o) { o.min_anisotropy = 1.0; });
   refused([](CrestOptions& o) { o.schedule.num_levels = 65; });

@@ -95,6 +95,18 @@ TEST(FindRidgeSegments, LeavesOutTheOtherKindAndTheWeakerCurvature) {
   EXPECT_TRUE(detail::find_ridge_segments(fold.graph, fold.field).segments.empty());
 }
 
+// Where the strength changes its sign along the line, the line ends there, within a triangle: both
+// ends of every segment are on the strong side (E-29).
+TEST(FindRidgeSegments, EndsWhereTheOtherCurvatureBecomesTheStronger) {
+  Fold fold(-1.0);
+  fold.field.strength = fold.graph.points.col(0);
+  const RidgeSegments found = detail::find_ridge_segments(fold.graph, fold.field);
+  EXPECT_GT(found.segments.size(), 25U);
+  for (const EdgeCrossing& c : found.crossings)
+    EXPECT_GT((1.0 - c.weight) * fold.graph.points(c.a, 0) + c.weight * fold.graph.points(c.b, 0),
+              0.0);
+}
+
 // The area-weighted mean of the gradients of a linear function is its gradient, on any triangles.
 TEST(GradientStencil, IsExactForLinearFunctions) {
   const AnalyticSurface plane = make_plane({.num_vertices = 200, .jitter = 0.3, .seed = 3});
