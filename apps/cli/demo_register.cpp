@@ -156,7 +156,7 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
     return drawn_beside(picture, directory.string(), "rugged-" + name + ".png", kDemoWidth, kHeight,
                         context.run);
   };
-  const RegistrationPictures pictures = pictures_of(answer, "the moving scan", "the fixed scan");
+  const RegistrationPictures pictures = pictures_of(answer);
   report.add_colors({legend_of(moving_color(), "moving scan"),
                      legend_of(fixed_color(), "fixed scan"),
                      legend_of(agreeing_color(), "matches that agree on the pose"),
@@ -176,8 +176,7 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
       "The mirror image of the moving scan has the same bumps and hollows, but no motion takes it "
       "onto the other one. The answer is {}: {}.",
       refused.accepted ? "a pose all the same" : "no", refused.sentence));
-  report.add_pictures(
-      {draw_one(pictures_of(refused, "the mirror image", "the fixed scan").after[0], "mirror")});
+  report.add_pictures({draw_one(pictures_of(refused).after[0], "mirror")});
   report.add_heading("Make such pages yourself");
   report.add_commands(
       {fmt::format("dupin register {} {} --report registered.html", moving.file, fixed.file),

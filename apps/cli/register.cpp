@@ -76,8 +76,8 @@ SurfaceOutput fused(const RegistrationAnswer& answer) {
 // What a shell needs to make the page again.
 std::string command_of(const RegisterRequest& request) {
   const RegistrationQuestion& question = request.question;
-  std::string line = fmt::format("dupin register {} {} --report {}", request.moving, request.fixed,
-                                 request.report);
+  std::string line = fmt::format("dupin register {} {} --report {}", shell_quoted(request.moving),
+                                 shell_quoted(request.fixed), shell_quoted(request.report));
   if (question.preset != "product") line += " --preset " + question.preset;
   if (question.preset == "product" && question.scale != "estimate")
     line += " --scale " + question.scale;
@@ -121,7 +121,7 @@ void say(const Context& context, const RegistrationAnswer& answer) {
   if (!answer.has_pose) return;
   for (Index r = 0; r < 3; ++r) {
     const Eigen::Vector3d row = answer.pose.scale * answer.pose.rotation.row(r).transpose();
-    context.say(fmt::format("  {:12.8f} {:12.8f} {:12.8f} {:14.8g}", row[0], row[1], row[2],
+    context.say(fmt::format("  {:16.9g} {:16.9g} {:16.9g} {:16.9g}", row[0], row[1], row[2],
                             answer.pose.translation[r]));
   }
   if (answer.is_of_features) {

@@ -119,8 +119,8 @@ SurfaceOutput fused(const Assembly& found) {
 // What a shell needs to make the page again.
 std::string command_of(const RegisterAllRequest& request) {
   std::string line = "dupin register-all";
-  for (const std::string& scan : request.scans) line += " " + scan;
-  return line + " --report " + request.report;
+  for (const std::string& scan : request.scans) line += " " + shell_quoted(scan);
+  return line + " --report " + shell_quoted(request.report);
 }
 
 void run_register_all(Context& context, const RegisterAllRequest& request) {

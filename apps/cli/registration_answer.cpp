@@ -9,6 +9,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/registration/refine_scans.h"
+#include "dupin/registration/residuals.h"
 #include "dupin/registration/thesis_registration.h"
 
 namespace dupin::cli {
@@ -106,6 +107,20 @@ SurfaceGraph graph_of(const LoadedSurface& surface, double scale, const RunContr
   return graph;
 }
 
+// The side of bare points is arbitrary: in this pose, do more of them rest on the other scan when
+// one of both is turned over?
+bool lies_flipped(const RegistrationAnswer& answer, const RunControl& run) {
+  if (answer.moving_scan.has_sides && answer.fixed_scan.has_sides) return false;
+  const auto touching = [&](bool is_flipped, const RunControl& part) {
+    const ScanResiduals found =
+        compute_residuals(answer.moving_scan, answer.fixed_scan, answer.local, is_flipped, part);
+    run.throw_if_cancelled();
+    return std::count(found.moving_contact.begin(), found.moving_contact.end(), Contact::touching) +
+           std::count(found.fixed_contact.begin(), found.fixed_contact.end(), Contact::touching);
+  };
+  return touching(true, run.stage(0.0, 0.5)) > touching(false, run.stage(0.5, 1.0));
+}
+
 // Chapter 5.5 of the thesis knows one unit, and of its pose only the features that meet.
 void answer_by_thesis(RegistrationAnswer& answer, const RegistrationQuestion& question,
                       const std::string& name, const RunControl& run) {
@@ -126,12 +141,6 @@ void answer_by_thesis(RegistrationAnswer& answer, const RegistrationQuestion& qu
                    : answer.has_pose ? Refusal::no_overlap
                                      : Refusal::no_features;
   answer.local = compose(result.pose, to_fixed_unit);
-  if (answer.accepted && question.max_rotation_deg < 180.0 &&
-      rotation_angle(Eigen::Matrix3d::Identity(), result.pose.rotation) * kDegrees >
-          question.max_rotation_deg) {
-    answer.accepted = false;
-    answer.refusal = Refusal::rotation;
-  }
   double squares = 0.0;
   for (const MetFeatures& met : result.met) {
     const auto vertex = [](const ThesisFeatures& features, std::int32_t index) {
@@ -149,14 +158,23 @@ void answer_by_thesis(RegistrationAnswer& answer, const RegistrationQuestion& qu
     answer.rmse = std::sqrt(squares / static_cast<double>(result.met.size())) * answer.fixed.unit;
   }
   const bool is_refined = question.refine == "icp" && answer.has_pose;
-  if (!is_refined && !question.wants_features) return;
-  describe_both(answer, run.stage(0.8, 0.9));
-  if (!is_refined) return;
-  const RefinedPose refined =
-      refine_scans(answer.moving_scan, answer.fixed_scan, answer.local, run.stage(0.9, 1.0));
-  run.throw_if_cancelled();
-  answer.local = refined.pose;
-  answer.is_flipped = refined.is_flipped;
+  if (is_refined || question.wants_features) describe_both(answer, run.stage(0.8, 0.9));
+  if (is_refined) {
+    const RefinedPose refined =
+        refine_scans(answer.moving_scan, answer.fixed_scan, answer.local, run.stage(0.9, 1.0));
+    run.throw_if_cancelled();
+    answer.local = refined.pose;
+    answer.is_flipped = refined.is_flipped;
+  } else if (question.wants_features && answer.has_pose) {
+    answer.is_flipped = lies_flipped(answer, run.stage(0.9, 1.0));
+  }
+  // Of the pose that is answered, not of the one that it was refined from.
+  if (answer.accepted && question.max_rotation_deg < 180.0 &&
+      rotation_angle(Eigen::Matrix3d::Identity(), answer.local.rotation) * kDegrees >
+          question.max_rotation_deg) {
+    answer.accepted = false;
+    answer.refusal = Refusal::rotation;
+  }
 }
 
 const char* thesis_sentence_of(Refusal refusal) {

@@ -179,7 +179,7 @@ void add_figures(HtmlReport& report, const RegistrationAnswer& answer) {
   std::vector<std::string> lines;
   for (Index r = 0; r < 3; ++r) {
     const Eigen::Vector3d m = answer.pose.scale * answer.pose.rotation.row(r).transpose();
-    lines.push_back(fmt::format("{:14.8f} {:14.8f} {:14.8f} {:16.9g}", m[0], m[1], m[2],
+    lines.push_back(fmt::format("{:16.9g} {:16.9g} {:16.9g} {:16.9g}", m[0], m[1], m[2],
                                 answer.pose.translation[r]));
   }
   report.add_commands(lines);
@@ -233,8 +233,7 @@ std::string verdict(const RegistrationAnswer& answer, const std::string& moving,
 
 }  // namespace
 
-RegistrationPictures pictures_of(const RegistrationAnswer& answer, const std::string& moving,
-                                 const std::string& fixed) {
+RegistrationPictures pictures_of(const RegistrationAnswer& answer) {
   RegistrationPictures out;
   const SceneSurface there =
       drawn_scan(answer.fixed, answer.fixed_scan.normals, Pose(), fixed_color());
@@ -242,7 +241,6 @@ RegistrationPictures pictures_of(const RegistrationAnswer& answer, const std::st
       drawn_scan(answer.moving, answer.moving_scan.normals, Pose(), moving_color());
   const SceneSurface here =
       drawn_scan(answer.moving, answer.moving_scan.normals, answer.pose, moving_color());
-  const std::string names = fmt::format("Orange: {}; blue: {}.", moving, fixed);
   const auto cameras = two_cameras(answer.has_pose ? std::vector<SceneSurface>{there, here}
                                                    : std::vector<SceneSurface>{there});
   const char* const views[] = {"", " From another side."};
@@ -315,7 +313,7 @@ std::string registration_page(const RegistrationAnswer& answer, const std::strin
       out.push_back(embedded(picture, kWidth, kHeight, run));
     if (!out.empty()) report.add_pictures(out);
   };
-  const RegistrationPictures pictures = pictures_of(answer, moving, fixed);
+  const RegistrationPictures pictures = pictures_of(answer);
   report.add_section(answer.has_pose ? "Before and after" : "The scans");
   report.add_colors(colors);
   draw_all(pictures.before);

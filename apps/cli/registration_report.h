@@ -19,9 +19,8 @@ struct RegistrationPictures {
   std::vector<RegistrationPicture> matches;  ///< side by side, with lines between features
 };
 
-/// `moving` and `fixed` name the scans. `after` and `matches` are empty where there is no pose.
-RegistrationPictures pictures_of(const RegistrationAnswer& answer, const std::string& moving,
-                                 const std::string& fixed);
+/// `after` and `matches` are empty where there is no pose.
+RegistrationPictures pictures_of(const RegistrationAnswer& answer);
 
 /// Distances of the points of both scans that lie over the other one.
 Plot distance_plot(const RegistrationAnswer& answer, const ScanResiduals& residuals);

@@ -55,8 +55,8 @@ std::vector<std::int32_t> connected_ball(const SurfaceGraph& graph, std::int32_t
   return ball;
 }
 
-// Gradient of a signal at a vertex: differences along the edges, each counting by 1 over its
-// squared length, least squares in the tangent plane.
+// Gradient of a signal at a vertex by the simple weighted differences of 5.5.3: those along the
+// edges in the tangent plane, each over its squared length. Exact where the ring is even.
 RowVector3d gradient_at(const SurfaceGraph& graph, const LevelMatrix& levels, Index level,
                         std::int32_t v) {
   const RowVector3d normal = graph.normals.row(v);
@@ -129,7 +129,9 @@ Eigen::Matrix3d gradient_frame(const Points& gradients, const VectorXd& weights,
   const RowVector3d n = normal.norm() > 0.0 ? normal.normalized() : RowVector3d::UnitZ().eval();
   RowVector3d along = weights.transpose() * gradients;
   along -= along.dot(n) * n;
-  if (!(along.norm() > 0.0)) along = n.unitOrthogonal();
+  const double size = weights.cwiseAbs().dot(gradients.rowwise().norm());
+  // What rounding leaves of gradients that cancel is no direction.
+  if (!(along.norm() > 1e-12 * size)) along = n.unitOrthogonal();
   Eigen::Matrix3d frame;
   frame.col(0) = along.normalized().transpose();
   frame.col(2) = n.transpose();

@@ -131,6 +131,10 @@ TEST(GradientFrame, PointsUphill) {
   EXPECT_LT((frame.col(0) - Eigen::Vector3d(0.6, 0.8, 0.0)).norm(), 1e-14);
   EXPECT_EQ(frame.col(2), Eigen::Vector3d::UnitZ());
   EXPECT_NEAR(frame.determinant(), 1.0, 1e-14);
+  // All along the normal: what rounding leaves in the plane is no direction, the frame is one.
+  gradients.rowwise() = RowVector3d(0.1, 0.2, 0.3);
+  const Matrix3d steep = gradient_frame(gradients, VectorXd::Ones(50), {0.1, 0.2, 0.3});
+  EXPECT_EQ(steep, gradient_frame(Points::Zero(50, 3), VectorXd::Ones(50), {0.1, 0.2, 0.3}));
   // Where nothing rises any tangent will do, but it is a frame.
   const Matrix3d flat = gradient_frame(Points::Zero(50, 3), VectorXd::Ones(50), {1.0, 1.0, 0.0});
   EXPECT_LT((flat.transpose() * flat - Matrix3d::Identity()).norm(), 1e-14);
