@@ -1,7 +1,9 @@
 #include "dupin/warp/warp_depth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
+#include <string>
 
 #include "dupin/base/error.h"
 
@@ -28,6 +30,11 @@ Eigen::VectorXd interpolate_depth(const Eigen::MatrixXd& weights, const Eigen::V
 }
 
 std::vector<std::int32_t> paint_order(const Triangles& triangles, const Eigen::VectorXd& depth) {
+  for (Index v = 0; v < depth.size(); ++v) {
+    // The bound keeps the sum of three finite.
+    if (!std::isfinite(depth[v]) || std::abs(depth[v]) > 1e300)
+      throw InvalidArgument("depth " + std::to_string(v) + " is not finite or beyond 1e300");
+  }
   const Index num_faces = triangles.rows();
   Eigen::VectorXd mean(num_faces);
   for (Index f = 0; f < num_faces; ++f) {

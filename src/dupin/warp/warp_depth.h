@@ -17,7 +17,8 @@ Eigen::VectorXd interpolate_depth(const Eigen::MatrixXd& weights, const Eigen::V
 /// Triangles from the farthest to the nearest by the mean depth of their corners, equal ones by
 /// number: #F. It depends on the shape at rest alone, so that it is computed once for an edit of
 /// the depths and not while dragging.
-/// @throws InvalidArgument if an index is out of range. Cost: O(F log F).
+/// @throws InvalidArgument if an index is out of range, or a depth is not finite or beyond 1e300
+/// Cost: O(F log F).
 std::vector<std::int32_t> paint_order(const Triangles& triangles, const Eigen::VectorXd& depth);
 
 }  // namespace dupin

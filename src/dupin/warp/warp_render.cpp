@@ -139,32 +139,6 @@ Raster canvas_of(const Raster& source, const Raster* background, int width, int 
 
 }  // namespace
 
-std::vector<std::int32_t> draw_order_by_depth(const PlanarMesh& mesh,
-                                              const Eigen::VectorXd& depth) {
-  validate(mesh);
-  if (depth.size() != mesh.points.rows()) {
-    throw InvalidArgument("depth has " + std::to_string(depth.size()) + " values for " +
-                          std::to_string(mesh.points.rows()) + " vertices");
-  }
-  for (Index i = 0; i < depth.size(); ++i) {
-    // The bound keeps the sum of three finite.
-    if (!std::isfinite(depth(i)) || std::abs(depth(i)) > 1e300)
-      throw InvalidArgument("depth " + std::to_string(i) + " is not finite or beyond 1e300");
-  }
-  std::vector<double> sum(static_cast<std::size_t>(mesh.triangles.rows()));
-  std::vector<std::int32_t> order(sum.size());
-  for (std::size_t f = 0; f < sum.size(); ++f) {
-    const auto face = static_cast<Index>(f);
-    sum[f] = depth(mesh.triangles(face, 0)) + depth(mesh.triangles(face, 1)) +
-             depth(mesh.triangles(face, 2));
-    order[f] = static_cast<std::int32_t>(f);
-  }
-  std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
-    return sum[static_cast<std::size_t>(a)] < sum[static_cast<std::size_t>(b)];
-  });
-  return order;
-}
-
 WarpPicture render_warp(const Raster& source, const PlanarMesh& mesh, const Points2& target,
                         const std::vector<std::int32_t>& draw_order, const WarpView& view,
                         const Raster* background, RunControl run) {

@@ -41,14 +41,6 @@ struct WarpMap {
   std::vector<float> source_xy;
 };
 
-/// The order in which triangles are painted: by rising mean depth of their corners, those of equal
-/// depth by number. A larger depth lies nearer to the viewer. Compute it once an edit of depths,
-/// not once a frame.
-/// @param depth #V, any unit
-/// @throws InvalidArgument as validate(mesh), for a depth that is not finite or another size
-/// Cost: O(F log F). Source: thesis 7.3.4.
-std::vector<std::int32_t> draw_order_by_depth(const PlanarMesh& mesh, const Eigen::VectorXd& depth);
-
 /// Paints `source` as the mesh carries it from mesh.points to `target`, triangle after triangle,
 /// each over those before it.
 ///

@@ -306,6 +306,8 @@ TEST(WarpDepth, PaintsFromFarToNear) {
   depth << 1.0, 1.0, 1.0, -2.0, 0.0, 0.0;
   EXPECT_EQ(paint_order(triangles, depth), (std::vector<std::int32_t>{1, 2, 0, 3}));
   EXPECT_THROW(paint_order(triangles, depth.head(5)), InvalidArgument);
+  depth[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(paint_order(triangles, depth), InvalidArgument);
 }
 
 }  // namespace

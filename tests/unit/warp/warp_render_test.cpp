@@ -8,6 +8,7 @@
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
+#include "dupin/warp/warp_depth.h"
 
 namespace dupin {
 namespace {
@@ -248,7 +249,7 @@ TEST(WarpRender, CrossingRopesLieInTheOrderOfTheirDepth) {
   target.middleRows(8, 4) << 50, 10, 50, 54, 42, 54, 42, 10;
   Eigen::VectorXd depth(12);
   depth << 0, 0, 0, 0, 1, 1, 1, 1, -1, -1, -1, -1;
-  const auto order = draw_order_by_depth(mesh, depth);
+  const auto order = paint_order(mesh.triangles, depth);
   EXPECT_EQ(order, (std::vector<std::int32_t>{4, 5, 0, 1, 2, 3}));
   const Raster out = render_warp(source, mesh, target, order).raster;
   for (int y = 28; y < 36; ++y) {
@@ -304,7 +305,15 @@ TEST(WarpRender, SliversAreHarmless) {
   EXPECT_EQ(render_warp(source, mesh, target).num_degenerate, 2);
   for (const double width : {1e-300, 1e-9, 0.003, 0.004, 0.02}) {
     target.col(0) = 5.5 + width * (mesh.points.col(0).array() / 32.0 - 0.5);
-    EXPECT_EQ(render_warp(source, mesh, target).status, Status::ok);
+    const WarpPicture out = render_warp(source, mesh, target);
+    EXPECT_EQ(out.status, Status::ok);
+    // No pixel but those of the column that the hair lies in, where it may cover a centre.
+    for (int y = 0; y < 32; ++y) {
+      for (int x = 0; x < 32; ++x) {
+        if (x == 5) continue;
+        EXPECT_EQ(pixel(out.raster, x, y)[3], 0) << x << " " << y << " " << width;
+      }
+    }
   }
 }
 
