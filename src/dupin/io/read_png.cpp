@@ -103,6 +103,10 @@ void set_transformations(Decoder& decoder) {
 // Everything of libpng that may jump back here; holds nothing that needs a destructor.
 bool decode(Decoder& decoder) {
   if (setjmp(png_jmpbuf(decoder.png)) != 0) return false;
+  // A negative number: all ancillary chunks, known ones too, are skipped, but for tRNS.
+  png_set_keep_unknown_chunks(decoder.png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
+  static constexpr png_byte kTransparency[] = {'t', 'R', 'N', 'S', 0};
+  png_set_keep_unknown_chunks(decoder.png, PNG_HANDLE_CHUNK_AS_DEFAULT, kTransparency, 1);
   png_read_info(decoder.png, decoder.info);
   set_transformations(decoder);
   const int num_passes = png_set_interlace_handling(decoder.png);
@@ -154,10 +158,6 @@ class Session {
     png_set_benign_errors(png, 1);
     // Checksums were compared when the chunks were walked over.
     png_set_crc_action(png, PNG_CRC_QUIET_USE, PNG_CRC_QUIET_USE);
-    // A negative number: all ancillary chunks, known ones too, are skipped, but for tRNS.
-    png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
-    static constexpr png_byte kTransparency[] = {'t', 'R', 'N', 'S', 0};
-    png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_AS_DEFAULT, kTransparency, 1);
   }
 
   Decoder& decoder_;

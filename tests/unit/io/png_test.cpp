@@ -333,8 +333,10 @@ TEST(Png, CancelledReadsAreInterrupted) {
 // says.
 TEST(Png, TheCorpusIsAnsweredAsTheManifestSays) {
   test::TemporaryFolder folder;
+  const std::vector<test::BadMesh> corpus = test::generate_badmesh(folder.path());
+  if (corpus.empty()) GTEST_SKIP() << "the generator of bad files is not on this machine";
   int num_pictures = 0;
-  for (const test::BadMesh& bad : test::generate_badmesh(folder.path())) {
+  for (const test::BadMesh& bad : corpus) {
     if (bad.format != "png") continue;
     SCOPED_TRACE(bad.file);
     ++num_pictures;
@@ -349,7 +351,6 @@ TEST(Png, TheCorpusIsAnsweredAsTheManifestSays) {
       EXPECT_EQ(static_cast<int>(error.errc()), bad.exit_code);
     }
   }
-  if (num_pictures == 0) GTEST_SKIP() << "the generator of bad files is not on this machine";
   EXPECT_GE(num_pictures, 28);
 }
 
