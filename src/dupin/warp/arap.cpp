@@ -175,6 +175,16 @@ void ArapSystem::load(const Points2& q, std::vector<Node>& nodes) const {
   });
 }
 
+// The edge between two vertices of a shape at rest (p) and deformed (q).
+struct EdgePair {
+  double px, py, qx, qy;
+};
+
+template <class Node>
+EdgePair edge_between(const Node& from, const Node& to) {
+  return {to.px - from.px, to.py - from.py, to.qx - from.qx, to.qy - from.qy};
+}
+
 // Eq. 7.16 as complex numbers: R_n is the direction of sum w conj(p-hat) q-hat.
 template <bool kUniform>
 void ArapSystem::rotate_range(std::vector<Node>& nodes, Index first, Index last) const {
@@ -187,10 +197,7 @@ void ArapSystem::rotate_range(std::vector<Node>& nodes, Index first, Index last)
     for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i) {
       const Node& other = nodes[at(neighbor_[at(i)])];
       const double w = kUniform ? 1.0 : edge_weight_[at(i)];
-      const double px = other.px - node.px;
-      const double py = other.py - node.py;
-      const double qx = other.qx - node.qx;
-      const double qy = other.qy - node.qy;
+      const auto [px, py, qx, qy] = edge_between(node, other);
       x += w * (px * qx + py * qy);
       y += w * (px * qy - py * qx);
       pp += w * (px * px + py * py);
@@ -231,10 +238,7 @@ double ArapSystem::residual_range(const std::vector<Node>& nodes, Points2* gradi
     for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i) {
       const Node& other = nodes[at(neighbor_[at(i)])];
       const double w = kUniform ? 1.0 : edge_weight_[at(i)];
-      const double px = other.px - node.px;
-      const double py = other.py - node.py;
-      const double qx = other.qx - node.qx;
-      const double qy = other.qy - node.qy;
+      const auto [px, py, qx, qy] = edge_between(node, other);
       const double ex = node.w * qx - (node.cosine * px - node.sine * py);
       const double ey = node.w * qy - (node.sine * px + node.cosine * py);
       cell += w * (ex * ex + ey * ey);

@@ -1,5 +1,6 @@
 #include "dupin/warp/deform.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
@@ -14,7 +15,8 @@ using Eigen::Index;
 
 bool is_repeated(const Pin& a, const Pin& b) {
   return a.source == b.source && a.target == b.target && a.rotation == b.rotation &&
-         a.depth == b.depth && a.anchor.has_value() == b.anchor.has_value() &&
+         a.depth == b.depth && a.radius == b.radius && a.weight == b.weight &&
+         a.anchor.has_value() == b.anchor.has_value() &&
          (!a.anchor ||
           (a.anchor->triangle == b.anchor->triangle && a.anchor->weights == b.anchor->weights));
 }
@@ -47,7 +49,7 @@ std::vector<ControlLine> closed_polyline(std::size_t count) {
 class StageRun {
  public:
   StageRun(const PlanarMesh& mesh, const DeformOptions& options, Deformation& result)
-      : rest_(mesh), options_(options), result_(result) {}
+      : first_(mesh), rest_(mesh), options_(options), result_(result) {}
 
   void run(const DeformStage& stage, RunControl control) {
     StageReport report;
@@ -71,9 +73,9 @@ class StageRun {
     report.seconds_per_iteration = step.seconds_per_iteration;
     report.still_components = warper.still_components();
     report.flipped_before_polish =
-        static_cast<Index>(measure_warp(rest_, step.points).flipped.size());
+        static_cast<Index>(measure_warp(first_, step.points).flipped.size());
     if (options_.is_polished && report.flipped_before_polish > 0) {
-      PolishResult polished = polish_folds(warper.arap(), rest_, step.points, options_.polish);
+      PolishResult polished = polish_folds(warper.arap(), first_, step.points, options_.polish);
       report.polish_iterations = polished.iterations;
       step.points = std::move(polished.points);
     }
@@ -81,7 +83,9 @@ class StageRun {
         warper.largest_violation(step.points, warper.targets(), warper.rotations());
     remark(warper, report);
     result_.points = std::move(step.points);
-    if (!is_fine) {
+    const bool has_depths =
+        std::any_of(pins.begin(), pins.end(), [](const Pin& pin) { return pin.depth != 0.0; });
+    if (!is_fine && has_depths) {
       Eigen::VectorXd depths(static_cast<Index>(pins.size()));
       for (std::size_t m = 0; m < pins.size(); ++m) depths[static_cast<Index>(m)] = pins[m].depth;
       result_.depth = warper.depth(depths);
@@ -103,7 +107,8 @@ class StageRun {
     }
   }
 
-  PlanarMesh rest_;
+  const PlanarMesh& first_;  // what is folded over is so against the first shape
+  PlanarMesh rest_;          // of the stage: the result of the one before
   const DeformOptions& options_;
   Deformation& result_;
 };

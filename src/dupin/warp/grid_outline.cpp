@@ -99,11 +99,13 @@ bool GridOutline::contains(GridPoint p) const {
 }
 
 std::int64_t GridOutline::area() const {
-  std::int64_t sum = 0;
-  for (const GridSegment& s : segments_)
-    sum +=
-        orientation(segments_[at(first_[at(loop_[at(&s - segments_.data())])])].from, s.from, s.to);
-  return sum;
+  // The sum fits, but its parts need not: a spiral's turn about the first corner again and again.
+  std::uint64_t sum = 0;
+  for (const GridSegment& s : segments_) {
+    const GridPoint origin = segments_[at(first_[at(loop_[at(&s - segments_.data())])])].from;
+    sum += static_cast<std::uint64_t>(orientation(origin, s.from, s.to));
+  }
+  return static_cast<std::int64_t>(sum);
 }
 
 double GridOutline::parameter(std::int32_t s, GridPoint p) const {

@@ -167,6 +167,8 @@ void Warper::place_pins(const std::vector<Pin>& pins, bool may_be_outside) {
     }
     places_[at(m)] = *place;
     sources_.row(m) = position(mesh_.points, mesh_.triangles, *place).transpose();
+    // An anchor may be a little beside the source, by the grid of the mesher: the motion counts.
+    if (pin.anchor) targets_.row(m) += sources_.row(m) - pin.source.transpose();
   }
   const double least = kOnePlace * box_diagonal(mesh_.points);
   for (Index m = 0; m < num_pins; ++m) {

@@ -27,7 +27,8 @@ struct Pin {
                                     ///< rotation, and stiffened without one
   double weight = 1.0;              ///< > 0: factor of theta [-]
   std::optional<MeshPoint> anchor;  ///< where `source` is on the mesh, if that is known: on a shape
-                                    ///< that overlaps itself a place can be two
+                                    ///< that overlaps itself a place can be two. The motion
+                                    ///< from `source` to `target` is applied at the anchor
 };
 
 /// A straight piece of the control polyline, between two pins.

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
@@ -59,6 +62,74 @@ TEST(Deform, WithPinsAtRestIsTheIdentity) {
       EXPECT_NEAR(result.quality.area_change, 0.0, 1e-12);
     }
   }
+}
+
+// The mesher puts a pin on its grid, up to 2^-16 px beside: with that vertex for an anchor, pins at
+// rest leave the shape as it is, and a motion is carried whole.
+TEST(Deform, AnAnchorBesideItsSourceKeepsTheIdentity) {
+  const PlanarMesh mesh = test::planar_grid(20, 15, 10.0);
+  std::vector<Pin> pins;
+  for (const auto& at : {Vector2d(50.0, 50.0), Vector2d(150.0, 80.0), Vector2d(30.0, 120.0)}) {
+    Pin p;
+    p.source = p.target = at + Vector2d(1.2e-5, -0.9e-5);
+    p.anchor = locate(mesh, at);
+    ASSERT_TRUE(p.anchor.has_value());
+    pins.push_back(p);
+  }
+  EXPECT_LT((deform(mesh, pins).points - mesh.points).cwiseAbs().maxCoeff(), 1e-9);
+  for (Pin& p : pins) p.target += Vector2d(7.0, -3.0);
+  const Points2 moved = deform(mesh, pins).points.rowwise() - RowVector2d(7.0, -3.0);
+  EXPECT_LT((moved - mesh.points).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+// What one stage folds over and a later one lays flat again stays flat: orientation is that of the
+// first shape, not of the one between.
+TEST(Deform, UnfoldedByALaterStageStaysUnfolded) {
+  const PlanarMesh mesh = test::planar_grid(6, 6, 10.0);
+  std::vector<Pin> fold;
+  std::vector<Pin> unfold;
+  for (Index v = 0; v < mesh.points.rows(); ++v) {
+    Pin p;
+    p.source = mesh.points.row(v).transpose();
+    p.target = {std::min(p.source.x(), 60.0 - p.source.x()), p.source.y()};
+    for (Index f = 0; f < mesh.triangles.rows() && !p.anchor; ++f) {
+      for (Index k = 0; k < 3; ++k) {
+        if (mesh.triangles(f, k) != v) continue;
+        p.anchor = MeshPoint{static_cast<std::int32_t>(f), Eigen::Vector3d::Unit(k)};
+      }
+    }
+    fold.push_back(p);
+    std::swap(p.source, p.target);
+    unfold.push_back(p);
+  }
+  const DeformStage first{DeformMode::coarse, fold, {}};
+  EXPECT_EQ(deform(mesh, std::vector<DeformStage>{first}).quality.flipped.size(), 36U);
+  const Deformation both = deform(mesh, {first, {DeformMode::coarse, unfold, {}}});
+  EXPECT_TRUE(both.quality.flipped.empty());
+  EXPECT_EQ(both.stages[1].flipped_before_polish, 0);
+  EXPECT_LT((both.points - mesh.points).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+// Depths of one stage hold until another one gives some.
+TEST(Deform, DepthsOfAStageStayUntilOthersAreGiven) {
+  const PlanarMesh mesh = test::planar_grid(6, 6, 10.0);
+  Pin near = resting(10.0, 10.0);
+  near.depth = 2.0;
+  const DeformStage deep{DeformMode::coarse, {near, resting(50.0, 50.0)}, {}};
+  const DeformStage flat{DeformMode::coarse, {resting(10.0, 50.0), resting(50.0, 10.0)}, {}};
+  const Deformation one = deform(mesh, std::vector<DeformStage>{deep});
+  EXPECT_GT(one.depth.maxCoeff(), 1.9);
+  EXPECT_EQ(deform(mesh, {deep, flat}).depth, one.depth);
+  EXPECT_EQ(deform(mesh, {flat, deep}).depth, one.depth);
+}
+
+// Two pins at one place with different radii would leave the choice to their order.
+TEST(Deform, PinsAtOnePlaceThatDifferAreRefused) {
+  const PlanarMesh mesh = test::planar_grid(4, 4, 20.0);
+  Pin wide = resting(40.0, 40.0);
+  EXPECT_EQ(code_of(mesh, {resting(40.0, 40.0), wide}), "");
+  wide.radius = 15.0;
+  EXPECT_EQ(code_of(mesh, {resting(40.0, 40.0), wide}), "E_PIN_CONFLICT");
 }
 
 // Every pin ends where it should, within 1e-6 px, and with a rotation at rest nothing moves either.
@@ -325,6 +396,15 @@ TEST(Deform, StagesAreReplayedInOrder) {
   const Deformation three = deform(mesh, {coarse, fine, DeformStage{}}, options);
   const Index corner = test::nearest_vertex(mesh.points, 145.0, 0.0);
   EXPECT_LT((three.points.row(corner).transpose() - fine.pins[1].target).norm(), 1e-6);
+  // A pull in two halves is another shape than the whole pull: each half starts from a shape that
+  // the first has bent.
+  std::vector<Pin> half = first;
+  half[0].target = 0.5 * (first[0].source + first[0].target);
+  std::vector<Pin> rest = first;
+  rest[0].source = half[0].target;
+  const Deformation split =
+      deform(mesh, {{DeformMode::coarse, half, {}}, {DeformMode::coarse, rest, {}}}, options);
+  EXPECT_GT((split.points - one.points).cwiseAbs().maxCoeff(), 0.1);
   const Deformation again = deform(mesh, {coarse, fine, DeformStage{}}, options);
   EXPECT_TRUE((again.points.array() == three.points.array()).all());
 }

@@ -37,7 +37,7 @@ TEST(Overlap, OfSquaresIsKnown) {
 // Circles of radius r, centres d apart: 2 r^2 acos(d / 2r) - d / 2 sqrt(4 r^2 - d^2). Polygons of
 // 2000 corners are smaller by a share of 2e-6; the rule over y errs by (step / r)^(3/2) at the
 // poles.
-TEST(Overlap, OfCirclesConverges) {
+TEST(Overlap, OfCirclesIsThatOfTheirLens) {
   const auto circle = [](double x) {
     Points2 loop(2000, 2);
     for (Index i = 0; i < 2000; ++i) {
@@ -49,8 +49,9 @@ TEST(Overlap, OfCirclesConverges) {
   const double lens = 2.0 * std::acos(0.5) - 0.5 * std::sqrt(3.0);
   const double expected = lens / (2.0 * std::numbers::pi - lens);
   EXPECT_NEAR(compute_overlap(circle(0.0), circle(1.0)).iou, expected, 3e-5);
-  EXPECT_EQ(compute_overlap(circle(0.0), circle(1.0)).iou,
-            compute_overlap(circle(0.0), circle(1.0)).iou);
+  EXPECT_NEAR(compute_overlap(circle(1.0), circle(0.0)).iou, expected, 3e-5);
+  EXPECT_EQ(compute_overlap(circle(0.0), circle(2.5)).iou, 0.0);
+  EXPECT_EQ(compute_overlap(circle(0.0), circle(0.0)).iou, 1.0);
 }
 
 TEST(SilhouetteFit, ItselfNeedsNoMove) {
