@@ -215,12 +215,14 @@ void run_crest(Context& context, CrestRequest& request) {
     LoadedSurface surface = load_surface(request.mesh, context);
     found = analyse(std::move(surface), request, request.noise, context,
                     context.run.stage(0.0, request.report.empty() ? 1.0 : 0.9 * share));
-    if (!request.output.empty()) {
+    // Last, after the page: a run that is stopped leaves no lines.
+    const auto write_lines = [&] {
+      if (request.output.empty()) return;
       const std::vector<LineRecord> records = to_records(found);
       write_file_atomically(request.output,
                             format == "obj" ? lines_as_obj(records) : lines_as_ply(records));
-    }
-    if (request.report.empty()) return;
+    };
+    if (request.report.empty()) return write_lines();
     std::vector<CrestSubject> subjects(1);
     subjects[0].found = found;
     for (std::size_t i = 0; i < request.added_noise.size(); ++i) {
@@ -230,6 +232,7 @@ void run_crest(Context& context, CrestRequest& request) {
                      context.run.stage(0.9 * share * done, 0.9 * share * (done + 1.0))));
     }
     write_crest_report(request.report, request.mesh, request.view, subjects, context);
+    write_lines();
   });
   context.print_json(document_of(found));
   if (context.json) return;

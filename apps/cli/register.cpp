@@ -46,6 +46,8 @@ void check(Context& context, RegisterRequest& request) {
     }
     request.question.scale = "fixed";
   }
+  if (!request.output.empty() && request.output == request.fused)
+    throw InvalidArgument("-o and --fused are one file", "give each a name of its own");
   for (const std::string& path : {request.output, request.fused}) {
     if (path.empty()) continue;
     surface_format_of(path);
@@ -102,16 +104,19 @@ RegistrationAnswer solve(Context& context, const RegisterRequest& request) {
       answer_registration(std::move(moving), std::move(fixed), request.question, request.moving,
                           context.run.stage(0.2, last));
   answer.seconds = seconds();
+  // All work is done before the first output: a run that is stopped leaves none of them.
+  std::string page;
+  if (!request.report.empty()) {
+    page = registration_page(answer, request.moving, request.fixed, command_of(request),
+                             context.run.stage(last, 1.0));
+  }
+  context.run.throw_if_cancelled();
   // Without any candidate there is no place to write the scan at.
   if (!request.output.empty() && answer.has_pose)
     write_surface(request.output, aligned(answer), surface_format_of(request.output));
   if (!request.fused.empty() && answer.has_pose)
     write_surface(request.fused, fused(answer), surface_format_of(request.fused));
-  if (!request.report.empty()) {
-    write_file_atomically(request.report,
-                          registration_page(answer, request.moving, request.fixed,
-                                            command_of(request), context.run.stage(last, 1.0)));
-  }
+  if (!request.report.empty()) write_file_atomically(request.report, page);
   return answer;
 }
 

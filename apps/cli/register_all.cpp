@@ -139,12 +139,13 @@ void run_register_all(Context& context, const RegisterAllRequest& request) {
   Assembly found;
   with_progress(context, "register-all", [&] {
     found = solve(context, request);
+    std::string page;
+    if (!request.report.empty())
+      page = assembly_page(found, command_of(request), context.run.stage(0.9, 1.0));
+    context.run.throw_if_cancelled();
     if (!request.output.empty())
       write_surface(request.output, fused(found), surface_format_of(request.output));
-    if (!request.report.empty()) {
-      write_file_atomically(request.report,
-                            assembly_page(found, command_of(request), context.run.stage(0.9, 1.0)));
-    }
+    if (!request.report.empty()) write_file_atomically(request.report, page);
   });
   Index registered = 0;
   for (const auto& pose : found.poses) registered += pose ? 1 : 0;

@@ -93,8 +93,9 @@ PlotSeries bars_of(const Eigen::VectorXd& height, const std::vector<Contact>& co
   std::vector<double> count(kBars, 0.0);
   for (Index i = 0; i < height.size(); ++i) {
     if (contact[static_cast<std::size_t>(i)] == Contact::none) continue;
-    const double place = (height[i] / widest + 1.0) / 2.0 * kBars;
-    if (place >= 0.0 && place < kBars) count[static_cast<std::size_t>(place)] += 1.0;
+    // What lies farther counts in the outermost bars.
+    const double place = (std::clamp(height[i] / widest, -1.0, 1.0) + 1.0) / 2.0 * kBars;
+    count[std::min<std::size_t>(static_cast<std::size_t>(place), kBars - 1)] += 1.0;
   }
   PlotSeries series;
   series.is_filled = true;
@@ -292,7 +293,8 @@ std::string distance_caption(const RegistrationAnswer& answer, const ScanResidua
   return fmt::format(
       "Distances of single points, with their noise, from the smooth surface of the other scan. "
       "Within {} a point rests on it: {:.1f} % of the moving and {:.1f} % of the fixed points do; "
-      "{:.1f} and {:.1f} % lie over it but farther away, the rest where it has no surface.",
+      "{:.1f} and {:.1f} % lie over it but farther away, the rest where it has no surface. The "
+      "outermost bars hold all that lies beyond.",
       format_number(residuals.touching_bound * answer.fixed.unit),
       percent(residuals.moving_contact, Contact::touching),
       percent(residuals.fixed_contact, Contact::touching),

@@ -101,6 +101,7 @@ class Register(Law):
         self.register(*self.files, "-o", "a.xyz", status=2)
         self.register(self.files[0], "missing.ply", status=3)
         self.register(*self.files, "--max-rotation", "nan", status=2)
+        self.register(*self.files, "-o", "one.ply", "--fused", "one.ply", status=2)
 
 
 if __name__ == "__main__":
