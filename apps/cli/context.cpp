@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <mutex>
 #include <string_view>
 #include <thread>
@@ -125,6 +126,21 @@ int report_error(const Context& context, const Error& error) {
   return exit_code;
 }
 
+namespace {
+
+// Work goes on beside this: what it makes meanwhile goes in the next round.
+void remove_unfinished(Context& context) {
+  const std::lock_guard<std::mutex> lock(context.unfinished_mutex);
+  if (context.unfinished.empty()) return;
+  std::error_code error;
+  for (int round = 0; round < 5; ++round) {
+    std::filesystem::remove_all(context.unfinished, error);
+    if (!error && !std::filesystem::exists(context.unfinished)) return;
+  }
+}
+
+}  // namespace
+
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
   set_thread_count(context.threads);
   const auto require_time = [&] {
@@ -154,6 +170,7 @@ void with_progress(Context& context, const std::string& what, const std::functio
         signalled = std::min(signalled, std::chrono::steady_clock::now());
         if (seconds_since(signalled) > 0.3) {
           if (draw) fmt::print(stderr, "\r\033[K");
+          remove_unfinished(context);
           std::_Exit(
               report_error(context, Error(Errc::interrupted, "E_INTERRUPTED", "interrupted")));
         }

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -33,6 +34,8 @@ struct Context {
   volatile std::sig_atomic_t last_signal = 0;  ///< that cancelled the run; 0: none
   int exit_code = 0;                           ///< set by a verb whose answer is "no"
   bool is_stdout_taken = false;                ///< by an output: then nothing is said there
+  std::mutex unfinished_mutex;
+  std::string unfinished;  ///< folder that goes when an interruption ends the program at once
 
   /// Prints `document` on stdout when --json was given (and nothing else ever goes there then).
   void print_json(const nlohmann::ordered_json& document) const;

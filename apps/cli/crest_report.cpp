@@ -48,8 +48,8 @@ std::string summary_of(const CrestAnalysis& found) {
       length[1]);
 }
 
-std::vector<ReportPicture> draw_sides(const CrestSubject& subject, const fs::path& page,
-                                      const std::string& view, int& number, Context& context) {
+std::vector<ReportPicture> draw_sides(const CrestSubject& subject, const std::string& view,
+                                      Context& context) {
   Scene scene;
   scene.surfaces.push_back(to_scene_surface(subject.found.surface));
   scene.legend.title = title_of(subject);
@@ -64,11 +64,7 @@ std::vector<ReportPicture> draw_sides(const CrestSubject& subject, const fs::pat
     if (is_back) options.camera.azimuth_deg += 180.0;
     const Image image = render_surface(scene, options, context.run);
     context.run.throw_if_cancelled();
-    fs::path file = page;
-    file.replace_extension();
-    file += fmt::format("-{}.png", ++number);
-    write_png(file.string(), image);
-    pictures.push_back({file.filename().string(), "Crest lines: " + title_of(subject),
+    pictures.push_back({data_uri(format_png(image)), "Crest lines: " + title_of(subject),
                         is_back ? "From the other side." : "Ridges red, valleys blue.", kWidth,
                         kHeight});
   }
@@ -130,10 +126,9 @@ void write_crest_report(const std::string& page, const std::string& mesh, const 
                     "scale found along them; strength is the angle that the surface turns more "
                     "across a line than "
                     "along it, over its scale.");
-  int number = 0;
   for (const CrestSubject& subject : subjects) {
     report.add_section(title_of(subject), summary_of(subject.found));
-    report.add_pictures(draw_sides(subject, page, view, number, context));
+    report.add_pictures(draw_sides(subject, view, context));
     if (!subject.found.set.lines.empty()) add_line_table(report, subject.found);
   }
   write_file_atomically(page, report.page("Made by dupin crest."));

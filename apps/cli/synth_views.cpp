@@ -4,7 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <csignal>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <numbers>
@@ -101,24 +104,46 @@ std::vector<Plan> plan_views(const ViewsRequest& request, std::uint64_t seed, do
   throw IoError(Errc::cannot_write, "E_WRITE", "cannot make the directory", {directory});
 }
 
+// Folders of runs that were killed: ".unfinished-PID-ATTEMPT" of a process that is no more.
+void remove_leftovers(const fs::path& target) {
+  std::error_code error;
+  std::vector<fs::path> leftovers;
+  for (const auto& entry : fs::directory_iterator(target, error)) {
+    const std::string name = entry.path().filename().string();
+    int pid = 0;
+    int attempt = 0;
+    int used = 0;
+    if (std::sscanf(name.c_str(), ".unfinished-%9d-%9d%n", &pid, &attempt, &used) != 2) continue;
+    if (static_cast<std::size_t>(used) != name.size() || pid <= 0) continue;
+    if (::kill(pid, 0) != 0 && errno == ESRCH) leftovers.push_back(entry.path());
+  }
+  for (const fs::path& folder : leftovers) fs::remove_all(folder, error);
+}
+
 // The files of a set until all of them are there: an interrupted run leaves none, and those of an
 // older set as they were.
 class Staging {
  public:
-  explicit Staging(const std::string& target) : target_(target) {
+  Staging(const std::string& target, Context& context) : target_(target), context_(context) {
     std::error_code error;
     is_new_ = !fs::exists(target_, error);
     fs::create_directories(target_, error);
     if (!fs::is_directory(target_, error)) fail_directory(target);
+    remove_leftovers(target_);
+    const std::lock_guard<std::mutex> lock(context_.unfinished_mutex);
     for (int attempt = 0; attempt < 100; ++attempt) {
       folder_ = target_ / fmt::format(".unfinished-{}-{}", ::getpid(), attempt);
-      if (fs::create_directory(folder_, error)) return;
+      if (!fs::create_directory(folder_, error)) continue;
+      context_.unfinished = folder_.string();
+      return;
     }
     fail_directory(target);
   }
   Staging(const Staging&) = delete;
   Staging& operator=(const Staging&) = delete;
   ~Staging() {
+    const std::lock_guard<std::mutex> lock(context_.unfinished_mutex);
+    context_.unfinished.clear();
     std::error_code error;
     fs::remove_all(folder_, error);
     if (is_new_) fs::remove(target_, error);  // only if it is empty
@@ -135,15 +160,16 @@ class Staging {
 
  private:
   fs::path target_;
+  Context& context_;
   fs::path folder_;
   bool is_new_ = false;
 };
 
-nlohmann::ordered_json write_views(const Context& context, const ViewsRequest& request,
+nlohmann::ordered_json write_views(Context& context, const ViewsRequest& request,
                                    const Mesh& mesh) {
   const double size = (mesh.points.colwise().maxCoeff() - mesh.points.colwise().minCoeff()).norm();
   const std::vector<Plan> plans = plan_views(request, context.seed, size);
-  const Staging staging(request.output);
+  const Staging staging(request.output, context);
   auto list = nlohmann::ordered_json::array();
   std::vector<std::string> names;
   for (std::size_t i = 0; i < plans.size(); ++i) {

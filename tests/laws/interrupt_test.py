@@ -68,6 +68,27 @@ class Interrupt(Law):
         self.assertGreaterEqual(len(waits), 2, "the run is too short to be interrupted")
         self.assertLessEqual(max(seconds for _, seconds in waits), ALLOWED, waits)
 
+    def test_views_leave_no_folder_of_half_a_set(self):
+        self.synth("body.ply", "--shape", "bumpy-sphere", "--vertices", "40000")
+        os.mkdir(self.path("views"))
+        # What a process that is no more left there goes too; what does not bear our name stays.
+        gone = subprocess.Popen(["true"])
+        gone.wait()
+        os.mkdir(self.path(f"views/.unfinished-{gone.pid}-0"))
+        os.mkdir(self.path("views/.unfinished-notes"))
+        num_waits = 0
+        for delay in (0.4, 0.8, 1.6, 3.2):
+            ended = self.interrupted(delay, signal.SIGINT, "synth", "views", "body.ply", "-o", "views", "--count", "36",
+                                     "--rows", "1200", "--cols", "1200", "--json")
+            if ended is None:
+                break
+            seconds, status, out, err = ended
+            num_waits += 1
+            self.assertEqual(status, 130, err)
+            self.assertLessEqual(seconds, ALLOWED)
+            self.assertEqual(os.listdir(self.path("views")), [".unfinished-notes"])
+        self.assertGreaterEqual(num_waits, 2, "the run is too short to be interrupted")
+
 
 if __name__ == "__main__":
     unittest.main()
