@@ -209,7 +209,6 @@ std::vector<VectorXd> profiles(const dupin::ScanFeatures& scan, int reach) {
 struct MatchScores {
   std::vector<double> maps_same, maps_different;
   std::vector<double> profile_same, profile_different;
-  std::vector<std::vector<double>> joint_same, joint_different;
   int with_partner = 0;
   int recalled = 0;
   int best = 0;

@@ -90,11 +90,14 @@ class Assembly {
 
   // The pose from scan a to scan b that the pairs hold, if there is one.
   std::optional<Pose> between(std::int32_t a, std::int32_t b) const {
-    for (const ScanPairResult& pair : result_.pairs) {
-      if (pair.moving == a && pair.fixed == b) return pair.pose;
-      if (pair.moving == b && pair.fixed == a) return inverse(pair.pose);
-    }
-    return std::nullopt;
+    const std::int32_t k = pair_of_[place_of(std::min(a, b), std::max(a, b))];
+    if (k < 0) return std::nullopt;
+    const Pose& pose = result_.pairs[static_cast<size_t>(k)].pose;
+    return a < b ? pose : inverse(pose);
+  }
+
+  size_t place_of(std::int32_t moving, std::int32_t fixed) const {
+    return static_cast<size_t>(moving) * scans_.size() + static_cast<size_t>(fixed);
   }
 
   // Triangles that a pair closes without error, less those that it closes with one.
@@ -118,6 +121,11 @@ class Assembly {
 
   // Kruskal's tree by votes, then confidence times overlap; poses by walking it.
   void span() {
+    pair_of_.assign(scans_.size() * scans_.size(), -1);
+    for (size_t k = 0; k < result_.pairs.size(); ++k) {
+      const ScanPairResult& pair = result_.pairs[k];
+      pair_of_[place_of(pair.moving, pair.fixed)] = static_cast<std::int32_t>(k);
+    }
     std::vector<std::pair<double, size_t>> order;
     for (size_t k = 0; k < result_.pairs.size(); ++k) {
       const ScanPairResult& pair = result_.pairs[k];
@@ -217,7 +225,7 @@ class Assembly {
         squares += one.distance * one.distance;
         ++num_pairs;
         const double u = one.distance / bound;
-        const double weight = (1.0 - u * u) * (1.0 - u * u);
+        const double weight = one.weight * (1.0 - u * u) * (1.0 - u * u);
         const Vector3d at = to_frame.rotation * one.point.transpose() + to_frame.translation;
         const Vector3d n = to_frame.rotation * one.normal.transpose();
         Eigen::Matrix<double, 6, 1> g;
@@ -268,6 +276,7 @@ class Assembly {
   const RegisterAllOptions& options_;
   const RunControl& run_;
   RegisterAllResult result_;
+  std::vector<std::int32_t> pair_of_;  // by first and second scan, -1: none
   std::vector<std::uint8_t> flipped_;  // aligned with the pairs
   std::vector<std::int32_t> parent_;
   std::vector<SurfaceSamples> samples_;
