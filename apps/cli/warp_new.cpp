@@ -6,6 +6,7 @@
 #include "context.h"
 #include "dupin/base/error.h"
 #include "dupin/io/file.h"
+#include "dupin/warp/exterior_frames.h"
 #include "surface_input.h"
 #include "warp_input.h"
 #include "warp_verb.h"
@@ -56,7 +57,8 @@ auto parse_file(const std::string& file, Context& context, Parse&& parse) {
   }
 }
 
-// Interior pins move the shape first, exterior ones refine what they left (7.4.4).
+// Interior pins move the shape first, exterior ones refine what they left (7.4.4). The sources of
+// the latter are still those of the picture.
 std::vector<WarpStage> stages_with(const std::vector<WarpPin>& pins) {
   std::vector<WarpStage> stages;
   for (const auto& [kind, mode] : {std::pair(PinKind::interior, StageMode::coarse),
@@ -85,6 +87,27 @@ WarpProject project_of(const NewRequest& request, const LoadedPicture& picture, 
   return project;
 }
 
+// Where the exterior pins are after the stage before has moved the shape under them (7.3.5).
+void carry_exterior(WarpProject& project, const ProjectMesh& mesh, const Points2& moved) {
+  if (project.stages.size() < 2) return;
+  for (WarpPin& pin : project.stages.back().pins) {
+    const ExteriorFrame frame = attach_exterior(mesh.meshed.mesh.points, pin.source.transpose());
+    pin.source = place_exterior(moved, frame).transpose();
+  }
+}
+
+// The deformation by the stages of the input; with two of them the second is carried along.
+// Pins that cannot move the shape are told now, not when the picture is made.
+Deformation try_stages(WarpInput& input, const ProjectMesh& mesh, Context& context,
+                       const RunControl& run) {
+  if (input.project.stages.size() < 2) return deformation_of(input, mesh, true, context, run);
+  WarpInput first = input;
+  first.project.stages.pop_back();
+  const Deformation moved = deformation_of(first, mesh, true, context, run.stage(0.0, 0.5));
+  carry_exterior(input.project, mesh, moved.points);
+  return deformation_of(input, mesh, true, context, run.stage(0.5, 1.0));
+}
+
 void run_new(Context& context, const NewRequest& request) {
   output_format(context, request.output, "", {"dwarp"});
   require_outputs({request.output}, {request.image, request.contour, request.pins});
@@ -96,10 +119,10 @@ void run_new(Context& context, const NewRequest& request) {
     input.picture = load_picture(request.image, context, context.run.stage(0.0, 0.4));
     input.file = request.image;
     input.project = project_of(request, input.picture, context);
-    // Pins that cannot move the shape are told now, not when the picture is made.
+    if (!request.contour.empty()) input.file = request.contour;
     mesh = mesh_of(input, context, context.run.stage(0.4, 0.7));
-    const Deformation deformation =
-        deformation_of(input, mesh, true, context, context.run.stage(0.7, 1.0));
+    if (!request.pins.empty()) input.file = request.pins;
+    const Deformation deformation = try_stages(input, mesh, context, context.run.stage(0.7, 1.0));
     warnings = input.picture.warnings;
     warnings.append(mesh.warnings);
     warnings.append(deformation.warnings);

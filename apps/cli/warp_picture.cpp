@@ -59,6 +59,20 @@ void draw_dot(Image& image, const Vector2d& place, double diameter, const Rgb& c
   draw_stroke(image, place, place, diameter, color);
 }
 
+// Dark on a white edge: to be read over lines.
+void draw_name(Image& image, const std::string& name, const Vector2d& place, double size) {
+  for (const bool is_edge : {true, false}) {
+    TextStyle style;
+    style.size_px = size;
+    style.is_bold = is_edge;
+    style.color = is_edge ? Rgb(1.0, 1.0, 1.0) : kSourceColor;
+    for (const double shift : {-0.06, 0.06}) {
+      draw_text(image, name, place.x() + (is_edge ? shift * size : 0.0), place.y(), TextAlign::left,
+                style);
+    }
+  }
+}
+
 void draw_mesh(Image& image, const ProjectMesh& mesh, const Points2& points, double scale,
                double width, const RunControl& run) {
   const auto draw = [&](std::int32_t a, std::int32_t b, double line, const Rgb& color) {
@@ -156,11 +170,7 @@ Image pins_picture(const Raster& picture, const ProjectMesh& mesh, const Points2
     const Vector2d target = scale * pin.target.transpose();
     draw_dot(image, target, 8.0 * width, color_of(pin));
     if (pin.name.empty()) continue;
-    TextStyle style;
-    style.size_px = 14.0 * width;
-    style.color = kSourceColor;
-    draw_text(image, pin.name, target.x() + 8.0 * width, target.y() - 5.0 * width, TextAlign::left,
-              style);
+    draw_name(image, pin.name, target + Vector2d(8.0, -5.0) * width, 18.0 * width);
   }
   return image;
 }

@@ -227,6 +227,19 @@ class Motion(WarpLaw):
         self.assertEqual(rows[45][5][3], 0)
 
 
+    def test_exterior_pins_are_carried_with_the_shape(self):
+        """All interior pins moved by (5, -3), exterior ones on top of that: sources follow (7.31 to 7.33)."""
+        corners = [(45 + 41 * math.cos(a * math.pi / 4), 45 + 41 * math.sin(a * math.pi / 4)) for a in range(8)]
+        pins = pins_moved_by(5, -3) + [pin(x, y, x + 5, y - 3, kind="exterior") for x, y in corners]
+        self.new("p.dwarp", "disc.png", pins)
+        stages = json.loads(self.read("p.dwarp"))["stages"]
+        self.assertEqual([stage["mode"] for stage in stages], ["coarse", "fine"])
+        for (x, y), carried in zip(corners, stages[1]["pins"]):
+            self.assertLess(math.hypot(carried["source"][0] - x - 5, carried["source"][1] - y + 3), 1e-4)
+        self.render("p.dwarp")
+        self.assertEqual(read_png(self.path("out.png"))[0][42][25], picture(in_disc)[45][20])
+
+
 class Sameness(WarpLaw):
     def test_same_bytes_for_every_run_and_thread_count(self):
         pins = pins_moved_by(0, 0)
@@ -368,7 +381,9 @@ class BadPins(WarpLaw):
         return self.refused(exit_code, code, "warp", "new", "disc.png", "-o", "none.dwarp", "--pins", "bad.json", *options)
 
     def test_pins_that_are_nowhere(self):
-        self.assertIn("hem", self.pins_are_refused(5, "E_PIN_OUTSIDE", [pin(3, 3, 9, 9, name="hem")])["message"])
+        error = self.pins_are_refused(5, "E_PIN_OUTSIDE", [pin(3, 3, 9, 9, name="hem")])
+        self.assertIn("hem", error["message"])
+        self.assertEqual(error["file"], "bad.json")
         self.pins_are_refused(5, "E_PIN_OUTSIDE", pins_moved_by(0, 0) + [pin(45, 45, 45, 45)])  # in the hole
         self.pins_are_refused(5, "E_PIN_CONFLICT", [pin(30, 45, 30, 45), pin(30, 45, 40, 45)])
         self.pins_are_refused(4, "E_NUMBER_RANGE", [pin(1e9, 0, 0, 0)])

@@ -426,8 +426,7 @@ class Preparer {
       if (is_orphan) drop(loop.source, "loops without an area were dropped");
       return is_orphan;
     });
-    if (loops_.empty())
-      throw AnalysisError("E_EMPTY_SHAPE", "no loop of the outline has an area");
+    if (loops_.empty()) throw AnalysisError("E_EMPTY_SHAPE", "no loop of the outline has an area");
   }
 
   void drop(std::int32_t loop, const std::string& why) {

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <numbers>
+#include <string>
 
 #include "dupin/base/error.h"
 
@@ -12,9 +13,9 @@ bool acts(const WarpPin& pin, const WarpStage& stage) {
   return (pin.kind == PinKind::interior) == (stage.mode == StageMode::coarse);
 }
 
-Pin to_pin(const WarpPin& from, std::size_t number) {
+Pin to_pin(const WarpPin& from, const std::string& number) {
   Pin pin;
-  pin.name = from.name.empty() ? std::to_string(number) : from.name;
+  pin.name = from.name.empty() ? number : from.name;
   pin.source = from.source.transpose();
   pin.target = from.target.transpose();
   if (from.rotation_deg) pin.rotation = *from.rotation_deg * (std::numbers::pi / 180.0);
@@ -48,7 +49,9 @@ std::vector<DeformStage> stages_of(const WarpProject& project,
     for (std::size_t i = 0; i < from.pins.size(); ++i) {
       if (!acts(from.pins[i], from)) continue;
       loops[from.pins[i].loop].push_back(static_cast<std::int32_t>(stage.pins.size()));
-      stage.pins.push_back(to_pin(from.pins[i], i));
+      const std::string where =
+          project.stages.size() > 1 ? " of stage " + std::to_string(stages.size()) : "";
+      stage.pins.push_back(to_pin(from.pins[i], std::to_string(i) + where));
     }
     if (stage.mode == DeformMode::fine) stage.lines = polygons_of(loops);
     if (is_first && !stage.pins.empty()) {

@@ -12,7 +12,7 @@ namespace dupin {
 
 /// The stages of a project as deform() takes them, one for one: of a coarse stage the interior
 /// pins, of a fine one the exterior pins, each loop number one closed control polygon in the order
-/// of the list. Pins without a name are called by their number in the stage.
+/// of the list. Pins without a name are called by their number, and their stage where there are several.
 /// @param anchors  of the pins of the first stage that has any, as ProjectMesh::anchors; or none
 /// @throws InvalidArgument for anchors of another number of pins
 std::vector<DeformStage> stages_of(const WarpProject& project,

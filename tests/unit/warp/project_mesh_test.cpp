@@ -227,7 +227,7 @@ TEST(ProjectStages, TakeThePinsOfTheirKindAndCloseEveryLoop) {
   ASSERT_EQ(stages.size(), 2U);
   EXPECT_EQ(stages[0].mode, DeformMode::coarse);
   ASSERT_EQ(stages[0].pins.size(), 2U);
-  EXPECT_EQ(stages[0].pins[0].name, "1");
+  EXPECT_EQ(stages[0].pins[0].name, "1 of stage 0");
   EXPECT_EQ(stages[0].pins[1].name, "hem");
   EXPECT_NEAR(*stages[0].pins[0].rotation, std::numbers::pi / 2.0, 1e-15);
   EXPECT_FALSE(stages[0].pins[1].rotation);
