@@ -9,6 +9,7 @@
 
 #include "context.h"
 #include "dupin/base/error.h"
+#include "dupin/io/file.h"
 #include "dupin/io/npz.h"
 #include "dupin/io/png.h"
 #include "warp_input.h"
@@ -89,17 +90,20 @@ Rendered render(Context& context, const RenderRequest& request) {
   run.throw_if_cancelled();
   // All work is done before the first output: a run that is stopped leaves none of them.
   WarpMap map;
-  if (!request.map.empty())
+  if (!request.map.empty()) {
     map = warp_map(mesh, deformation.points, deformation.paint_order, made.view,
                    run.stage(0.9, 0.95));
-  std::optional<Image> pins;
-  if (!request.pins_picture.empty())
-    pins = pins_picture(made.picture.raster, made.mesh, deformation.points, made.input.project,
-                        made.view.target_scale, run);
+  }
+  std::string pins;
+  if (!request.pins_picture.empty()) {
+    pins = format_png(pins_picture(made.picture.raster, made.mesh, deformation.points,
+                                   made.input.project, made.view.target_scale, run));
+  }
+  const std::string png = format_png(made.picture.raster);
   run.throw_if_cancelled();
-  write_png(request.output, made.picture.raster);
+  write_file_atomically(request.output, png);
   if (!request.map.empty()) write_npy(request.map, {map.height, map.width, 2}, map.source_xy);
-  if (pins) write_png(request.pins_picture, *pins);
+  if (!pins.empty()) write_file_atomically(request.pins_picture, pins);
   return made;
 }
 

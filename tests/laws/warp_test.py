@@ -5,6 +5,7 @@ usage: warp_test.py DUPIN
 """
 import hashlib
 import json as json_module
+import signal
 import subprocess
 import unittest
 import zlib
@@ -341,6 +342,35 @@ class Pictures(WarpLaw):
     def svg(self, verb):
         self.done("warp", verb, "p.dwarp", "-o", "x.svg")
         return self.read("x.svg")
+
+
+class Interruption(WarpLaw):
+    def test_leaves_all_outputs_or_none(self):
+        width, height = 2400, 2000
+        inside = b"".join(bytes((x % 256, x // 16, 7, 255)) for x in range(width - 40))
+        row = b"\0" + b"\0" * 80 + inside + b"\0" * 80
+        rows = (b"\0" * (4 * width + 1)) * 20 + row * (height - 20)
+        self.write("big.png", b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)) +
+                   chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))
+        self.new("p.dwarp", "big.png", [pin(1500, 500, 1400, 700), pin(1500, 1500, 1500, 1500)])
+        before = set(os.listdir(self.folder))
+        outputs = {"out.png", "map.npy", "pins.png"}
+        ends = []
+        for delay in (.05, .2, .5, 1, 2, 4, 8, 16):
+            process = subprocess.Popen([DUPIN, "warp", "render", "p.dwarp", "-o", "out.png", "--map", "map.npy", "--pins-picture",
+                                        "pins.png"], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            try:
+                process.communicate(timeout=delay)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=120)
+            ends.append(process.returncode)
+            self.assertIn(process.returncode, (0, 130))
+            found = set(os.listdir(self.folder)) - before
+            self.assertEqual(found, outputs if process.returncode == 0 else set())
+            if process.returncode == 0:
+                break
+        self.assertEqual(ends[0], 130, "the run is too short to be interrupted")
 
 
 class BadPictures(WarpLaw):
