@@ -30,6 +30,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(is_coded(error));
   }
   try {
+    dupin::parse_loops(text);
+  } catch (const dupin::IoError& error) {
+    require(is_coded(error));
+  }
+  try {
     dupin::parse_pins(text);
   } catch (const dupin::IoError& error) {
     require(is_coded(error));

@@ -14,6 +14,7 @@
 #include "dupin/base/version.h"
 #include "register_verb.h"
 #include "surface_input.h"
+#include "warp_verb.h"
 
 namespace {
 
@@ -65,6 +66,7 @@ void add_verbs(CLI::App& app, Context& context) {
   dupin::cli::add_register_all(app, context);
   dupin::cli::add_render(app, context);
   dupin::cli::add_mls(app, context);
+  dupin::cli::add_warp(app, context);
   dupin::cli::add_synth(app, context);
   dupin::cli::add_demo(app, context);
   dupin::cli::add_completion(app, context);

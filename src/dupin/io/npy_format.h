@@ -13,6 +13,10 @@ namespace dupin::detail {
 /// @throws InvalidArgument if `shape` and `values` disagree
 std::string format_npy(const NpyArray& array);
 
+/// The same of single-precision values of any shape, NaN allowed.
+/// @throws InvalidArgument if `shape` and `values` disagree
+std::string format_npy(const std::vector<Eigen::Index>& shape, std::span<const float> values);
+
 /// Bytes of `arrays` as .npz: a zip of stored members NAME.npy dated 1980-01-01. Members, offsets
 /// and archives of `zip64_from` bytes or more use the zip64 records (APPNOTE.TXT 4.3.14, 4.5.3);
 /// the parameter exists so that a test needs no 4 GiB.

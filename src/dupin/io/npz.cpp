@@ -138,29 +138,31 @@ std::string member_name(const NpyArray& array, std::set<std::string>& names) {
   return array.name + ".npy";
 }
 
+// Magic, version, length and text of the header. The data start at a multiple of 64 bytes; the text
+// ends with a line end.
+std::string npy_header(const std::vector<Eigen::Index>& sizes, bool as_float32) {
+  std::string shape;
+  for (const Eigen::Index size : sizes)
+    shape += std::to_string(size) + (sizes.size() == 1 ? "," : ", ");
+  if (sizes.size() > 1) shape.resize(shape.size() - 2);
+  std::string header = std::string("{'descr': '") + (as_float32 ? "<f4" : "<f8") +
+                       "', 'fortran_order': False, 'shape': (" + shape + "), }";
+  header.append(63 - (10 + header.size()) % 64, ' ');
+  header.push_back('\n');
+  std::string bytes = "\x93NUMPY";
+  bytes.push_back('\1');
+  bytes.push_back('\0');
+  append_le(bytes, header.size(), 2);
+  return bytes + header;
+}
+
 }  // namespace
 
 std::string format_npy(const NpyArray& array) {
   validate(array);
-  std::string shape;
-  for (const Eigen::Index size : array.shape) {
-    shape += std::to_string(size) + (array.shape.size() == 1 ? "," : ", ");
-  }
-  if (array.shape.size() == 2) shape.resize(shape.size() - 2);
-  std::string header = std::string("{'descr': '") + (array.as_float32 ? "<f4" : "<f8") +
-                       "', 'fortran_order': False, 'shape': (" + shape + "), }";
-  // The data start at a multiple of 64 bytes; the header ends with a line end.
-  header.append(63 - (10 + header.size()) % 64, ' ');
-  header.push_back('\n');
-
   const auto count = static_cast<std::size_t>(array.values.size());
-  std::string bytes;
-  bytes.reserve(10 + header.size() + count * (array.as_float32 ? 4 : 8));
-  bytes += "\x93NUMPY";
-  bytes.push_back('\1');
-  bytes.push_back('\0');
-  append_le(bytes, header.size(), 2);
-  bytes += header;
+  std::string bytes = npy_header(array.shape, array.as_float32);
+  bytes.reserve(bytes.size() + count * (array.as_float32 ? 4 : 8));
   for (std::size_t i = 0; i < count; ++i) {
     const double value = array.values.data()[i];
     if (array.as_float32) {
@@ -169,6 +171,18 @@ std::string format_npy(const NpyArray& array) {
       append_le(bytes, std::bit_cast<std::uint64_t>(value), 8);
     }
   }
+  return bytes;
+}
+
+std::string format_npy(const std::vector<Eigen::Index>& shape, std::span<const float> values) {
+  std::size_t count = 1;
+  for (const Eigen::Index size : shape) count *= static_cast<std::size_t>(size);
+  if (count != values.size())
+    throw InvalidArgument("the shape of an array is not that of its " +
+                          std::to_string(values.size()) + " values");
+  std::string bytes = npy_header(shape, true);
+  bytes.reserve(bytes.size() + 4 * count);
+  for (const float value : values) append_le(bytes, std::bit_cast<std::uint32_t>(value), 4);
   return bytes;
 }
 
@@ -194,6 +208,11 @@ std::string format_npz(const std::vector<NpyArray>& arrays, std::uint64_t zip64_
 
 void write_npy(const std::string& path, const NpyArray& array) {
   write_file_atomically(path, detail::format_npy(array));
+}
+
+void write_npy(const std::string& path, const std::vector<Eigen::Index>& shape,
+               std::span<const float> values) {
+  write_file_atomically(path, detail::format_npy(shape, values));
 }
 
 void write_npz(const std::string& path, const std::vector<NpyArray>& arrays) {

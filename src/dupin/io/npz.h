@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,12 @@ struct NpyArray {
 /// so that equal arrays give equal bytes; zip64 from 4 GiB on). Atomic as write_file_atomically().
 void write_npy(const std::string& path, const NpyArray& array);
 void write_npz(const std::string& path, const std::vector<NpyArray>& arrays);
+
+/// Writes single-precision `values`, row-major, as .npy of any shape (<f4). NaN is kept: pictures
+/// and maps have places without a value. read_npy() refuses such.
+/// @throws InvalidArgument unless the sizes in `shape` multiply to the number of values
+void write_npy(const std::string& path, const std::vector<Eigen::Index>& shape,
+               std::span<const float> values);
 
 /// Reads .npy of float or integer numbers (<f4 <f8 <i1..<i8 |u1.. , C or Fortran order), 1 or 2
 /// dimensions.

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "dupin/base/error.h"
 #include "dupin/warp/shape_from_image.h"
@@ -70,58 +71,70 @@ std::string shown(double value) {
   return text;
 }
 
-[[noreturn]] void fail_crossed(const std::vector<Corner>& corners, std::size_t i, std::size_t j,
+using Loops = std::vector<std::vector<Corner>>;
+
+struct Edge {
+  std::size_t loop = 0;
+  std::size_t index = 0;
+  std::int64_t begin = 0;  // smallest and largest x
+  std::int64_t end = 0;
+};
+
+std::size_t next_of(const std::vector<Corner>& corners, std::size_t i) {
+  return (i + 1) % corners.size();
+}
+
+[[noreturn]] void fail_crossed(const Loops& loops, Edge a, Edge b,
                                const std::array<double, 2>& place) {
-  const auto edge = [&](std::size_t e) {
-    return "edge " + std::to_string(e) + " (points " + std::to_string(corners[e].row) + " and " +
-           std::to_string(corners[(e + 1) % corners.size()].row) + ")";
+  const auto name = [&](const Edge& edge) {
+    const std::vector<Corner>& corners = loops[edge.loop];
+    return (loops.size() > 1 ? "loop " + std::to_string(edge.loop) + ", " : std::string()) +
+           "edge " + std::to_string(edge.index) + " (points " +
+           std::to_string(corners[edge.index].row) + " and " +
+           std::to_string(corners[next_of(corners, edge.index)].row) + ")";
   };
-  throw AnalysisError("E_OUTLINE_CROSSED", edge(std::min(i, j)) + " meets " + edge(std::max(i, j)) +
-                                               " at (" + shown(place[0]) + ", " + shown(place[1]) +
-                                               ")");
+  if (std::make_pair(b.loop, b.index) < std::make_pair(a.loop, a.index)) std::swap(a, b);
+  throw AnalysisError("E_OUTLINE_CROSSED", name(a) + " meets " + name(b) + " at (" +
+                                               shown(place[0]) + ", " + shown(place[1]) + ")");
 }
 
 // Neighbouring edges share a corner; they meet elsewhere only if one runs back along the other.
-void require_no_spike(const std::vector<Corner>& corners, std::size_t i) {
-  const std::size_t n = corners.size();
+void require_no_spike(const Loops& loops, std::size_t loop, std::size_t i) {
+  const std::vector<Corner>& corners = loops[loop];
+  const std::size_t j = next_of(corners, i);
   const Corner& a = corners[i];
-  const Corner& b = corners[(i + 1) % n];
-  const Corner& c = corners[(i + 2) % n];
+  const Corner& b = corners[j];
+  const Corner& c = corners[next_of(corners, j)];
   if (turn_of(a, b, c) != 0) return;
   const Wide dot =
       static_cast<Wide>(b.x - a.x) * (c.x - b.x) + static_cast<Wide>(b.y - a.y) * (c.y - b.y);
-  if (dot < 0) fail_crossed(corners, i, (i + 1) % n, place_of(b));
+  if (dot < 0) fail_crossed(loops, {loop, i}, {loop, j}, place_of(b));
 }
 
-void require_simple(const std::vector<Corner>& corners) {
-  const std::size_t n = corners.size();
-  for (std::size_t i = 0; i < n; ++i) require_no_spike(corners, i);
-  struct Edge {
-    std::int64_t begin;
-    std::int64_t end;
-    std::size_t index;
-  };
-  std::vector<Edge> edges(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::int64_t x0 = corners[i].x;
-    const std::int64_t x1 = corners[(i + 1) % n].x;
-    edges[i] = {std::min(x0, x1), std::max(x0, x1), i};
+// No two edges meet, but neighbours at their corner.
+void require_simple(const Loops& loops) {
+  std::vector<Edge> edges;
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    for (std::size_t i = 0; i < loops[l].size(); ++i) {
+      require_no_spike(loops, l, i);
+      const std::int64_t x0 = loops[l][i].x;
+      const std::int64_t x1 = loops[l][next_of(loops[l], i)].x;
+      edges.push_back({l, i, std::min(x0, x1), std::max(x0, x1)});
+    }
   }
-  std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) {
-    return a.begin != b.begin ? a.begin < b.begin : a.index < b.index;
-  });
+  std::stable_sort(edges.begin(), edges.end(),
+                   [](const Edge& a, const Edge& b) { return a.begin < b.begin; });
   std::vector<Edge> open;
   for (const Edge& edge : edges) {
-    open.erase(std::remove_if(open.begin(), open.end(),
-                              [&](const Edge& other) { return other.end < edge.begin; }),
-               open.end());
+    std::erase_if(open, [&](const Edge& other) { return other.end < edge.begin; });
+    const std::vector<Corner>& mine = loops[edge.loop];
+    const std::size_t i = edge.index;
     for (const Edge& other : open) {
-      const std::size_t i = edge.index;
+      const std::vector<Corner>& its = loops[other.loop];
       const std::size_t j = other.index;
-      if ((i + 1) % n == j || (j + 1) % n == i) continue;
-      const auto place =
-          meeting(corners[i], corners[(i + 1) % n], corners[j], corners[(j + 1) % n]);
-      if (place) fail_crossed(corners, i, j, *place);
+      if (edge.loop == other.loop && (next_of(mine, i) == j || next_of(mine, j) == i)) continue;
+      const auto place = meeting(mine[i], mine[next_of(mine, i)], its[j], its[next_of(its, j)]);
+      if (place) fail_crossed(loops, edge, other, *place);
     }
     open.push_back(edge);
   }
@@ -135,6 +148,19 @@ Wide twice_area(const std::vector<Corner>& corners) {
     sum += static_cast<Wide>(a.x) * b.y - static_cast<Wide>(b.x) * a.y;
   }
   return sum;
+}
+
+// Whether `loop` goes around `p`, which lies on none of its edges: crossings with the ray to +x.
+bool is_around(const std::vector<Corner>& loop, const Corner& p) {
+  bool is_inside = false;
+  for (std::size_t i = 0; i < loop.size(); ++i) {
+    const Corner& a = loop[i];
+    const Corner& b = loop[next_of(loop, i)];
+    if ((a.y > p.y) == (b.y > p.y)) continue;
+    const int turn = turn_of(a, b, p);
+    if (b.y > a.y ? turn > 0 : turn < 0) is_inside = !is_inside;
+  }
+  return is_inside;
 }
 
 std::vector<Corner> rounded(const Points2& points) {
@@ -152,14 +178,13 @@ std::vector<Corner> rounded(const Points2& points) {
   return corners;
 }
 
-}  // namespace
-
-PolylineOutline outline_from_polyline(const Points2& points) {
-  PolylineOutline result;
+// The distinct corners of `points`, in their order.
+std::vector<Corner> distinct_corners(const Points2& points, const std::string& loop,
+                                     WarningList& warnings) {
   std::vector<Corner> corners;
   const auto drop = [&](Index row) {
-    result.warnings.add("W_REPEATED_POINT", "point " + std::to_string(row),
-                        "points at the place of the one before were left out");
+    warnings.add("W_REPEATED_POINT", loop + "point " + std::to_string(row),
+                 "points at the place of the one before were left out");
   };
   for (const Corner& corner : rounded(points)) {
     if (!corners.empty() && corner.is_at(corners.back())) {
@@ -173,24 +198,83 @@ PolylineOutline outline_from_polyline(const Points2& points) {
     corners.pop_back();
   }
   if (corners.size() < 3) {
-    throw AnalysisError("E_SHAPE_TOO_SMALL",
-                        std::to_string(corners.size()) + " different points, an outline needs 3");
+    throw AnalysisError("E_SHAPE_TOO_SMALL", loop + std::to_string(corners.size()) +
+                                                 " different points, an outline needs 3");
   }
-  require_simple(corners);
+  return corners;
+}
+
+Points2 to_points(const std::vector<Corner>& corners) {
+  Points2 loop(static_cast<Index>(corners.size()), 2);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const auto [x, y] = place_of(corners[i]);
+    loop.row(static_cast<Index>(i)) << x, y;
+  }
+  return loop;
+}
+
+}  // namespace
+
+PolylineOutline outline_from_polyline(const Points2& points) {
+  PolylineOutline result;
+  Loops loops{distinct_corners(points, "", result.warnings)};
+  require_simple(loops);
+  std::vector<Corner>& corners = loops[0];
   // Simple, so the area is not zero.
   if (twice_area(corners) < 0) {
     std::reverse(corners.begin(), corners.end());
     result.warnings.add("W_ORIENTATION_FIXED", "point 0", "the outline was turned round");
   }
-  Points2 loop(static_cast<Index>(corners.size()), 2);
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const auto [x, y] = place_of(corners[i]);
-    loop.row(static_cast<Index>(i)) << x, y;
-    result.corner.push_back(corners[i].row);
-  }
-  result.outline.loops.push_back(std::move(loop));
+  for (const Corner& corner : corners) result.corner.push_back(corner.row);
+  result.outline.loops.push_back(to_points(corners));
   result.outline.component.push_back(0);
   return result;
+}
+
+ImageShape outline_from_polylines(const std::vector<Points2>& polylines) {
+  if (polylines.empty()) throw InvalidArgument("an outline needs a loop");
+  ImageShape shape;
+  Loops loops;
+  for (std::size_t l = 0; l < polylines.size(); ++l) {
+    const std::string name = polylines.size() > 1 ? "loop " + std::to_string(l) + ", " : "";
+    loops.push_back(distinct_corners(polylines[l], name, shape.warnings));
+  }
+  require_simple(loops);
+  // Loops that do not meet are around each other as a whole: one corner tells for all.
+  std::vector<std::vector<std::size_t>> around(loops.size());
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    for (std::size_t k = 0; k < loops.size(); ++k)
+      if (k != l && is_around(loops[k], loops[l][0])) around[l].push_back(k);
+  }
+  const auto is_hole = [&](std::size_t l) { return around[l].size() % 2 == 1; };
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    if ((twice_area(loops[l]) < 0) == is_hole(l)) continue;
+    std::reverse(loops[l].begin(), loops[l].end());
+    if (!is_hole(l)) {
+      shape.warnings.add("W_ORIENTATION_FIXED", "loop " + std::to_string(l),
+                         "outer loops were turned round");
+    }
+  }
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    if (is_hole(l)) continue;
+    const auto number = static_cast<std::int32_t>(shape.part_areas.size());
+    shape.part_areas.push_back(0.0);
+    const auto add = [&](std::size_t k) {
+      shape.outline.loops.push_back(to_points(loops[k]));
+      shape.outline.component.push_back(number);
+      shape.part_areas.back() += signed_area(shape.outline.loops.back());
+    };
+    add(l);
+    for (std::size_t k = 0; k < loops.size(); ++k) {
+      const bool is_mine = is_hole(k) && around[k].size() == around[l].size() + 1 &&
+                           std::find(around[k].begin(), around[k].end(), l) != around[k].end();
+      if (!is_mine) continue;
+      add(k);
+      ++shape.num_holes;
+    }
+  }
+  shape.num_parts = static_cast<std::int64_t>(shape.part_areas.size());
+  return shape;
 }
 
 }  // namespace dupin

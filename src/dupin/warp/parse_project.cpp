@@ -177,6 +177,23 @@ WarpImage image_of(const JsonValue& json) {
   return image;
 }
 
+std::vector<Points2> loops_of(const JsonValue& json) {
+  require_kind(json, Kind::array, "the list of loops");
+  require_count(json.items.size(), detail::kMaxLoops, "loops", json.line);
+  if (json.items.empty()) throw json_error("E_SYNTAX", "the list of loops is empty", json.line);
+  std::vector<Points2> loops;
+  for (const JsonValue& item : json.items) {
+    require_kind(item, Kind::array, "a loop");
+    if (item.items.size() < 3)
+      throw json_error("E_SYNTAX", "a loop has fewer than three corners", item.line);
+    Points2 loop(static_cast<Index>(item.items.size()), 2);
+    for (Index i = 0; i < loop.rows(); ++i)
+      loop.row(i) = place_of(item.items[static_cast<std::size_t>(i)], "a corner of a loop");
+    loops.push_back(std::move(loop));
+  }
+  return loops;
+}
+
 ContourSettings contour_of(const JsonValue& json) {
   ContourSettings contour;
   read_fields(json, detail::kContourFields, {"source", "loops"}, "contour", contour);
@@ -185,19 +202,7 @@ ContourSettings contour_of(const JsonValue& json) {
   if ((contour.source == ContourSource::polyline) != (loops != nullptr))
     throw json_error("E_SYNTAX", "contour.loops belong to the source polyline, and to it only",
                      json.line);
-  if (loops == nullptr) return contour;
-  require_kind(*loops, Kind::array, "contour.loops");
-  require_count(loops->items.size(), detail::kMaxLoops, "loops", loops->line);
-  if (loops->items.empty()) throw json_error("E_SYNTAX", "contour.loops is empty", loops->line);
-  for (const JsonValue& item : loops->items) {
-    require_kind(item, Kind::array, "a loop of contour.loops");
-    if (item.items.size() < 3)
-      throw json_error("E_SYNTAX", "a loop has fewer than three corners", item.line);
-    Points2 loop(static_cast<Index>(item.items.size()), 2);
-    for (Index i = 0; i < loop.rows(); ++i)
-      loop.row(i) = place_of(item.items[static_cast<std::size_t>(i)], "a corner of contour.loops");
-    contour.loops.push_back(std::move(loop));
-  }
+  if (loops != nullptr) contour.loops = loops_of(*loops);
   return contour;
 }
 
@@ -234,11 +239,19 @@ void require_version(const JsonValue& root) {
                      version.line, "a newer program can read it");
 }
 
-void require_checksum(const JsonValue& root, const WarpProject& project) {
+// The text counts, not what this program makes of it: a project stays whole when a later program
+// knows more fields.
+void require_checksum(const JsonValue& root, std::string_view text) {
   const JsonValue* checksum = root.find("checksum");
   if (checksum == nullptr) return;
   require_kind(*checksum, Kind::string, "checksum");
-  if (checksum->text != sha256_hex(detail::project_body(project)))
+  const std::string written = detail::without_space(text);
+  const std::string end = ",\"checksum\":\"" + checksum->text + "\"}";
+  if (!written.ends_with(end))
+    throw json_error("E_SYNTAX", "the checksum is not the last member of the project",
+                     checksum->line);
+  if (checksum->text !=
+      sha256_hex(std::string_view(written).substr(0, written.size() - end.size())))
     throw json_error("E_CRC", "the project was changed after it was written", checksum->line,
                      "take the line \"checksum\" out after editing by hand");
 }
@@ -266,8 +279,20 @@ WarpProject parse_project(std::string_view text) {
                 project.deformation.method);
   }
   if (const JsonValue* stages = root.find("stages")) project.stages = stages_of(*stages);
-  require_checksum(root, project);
+  require_checksum(root, text);
   return project;
+}
+
+std::vector<Points2> parse_loops(std::string_view text) {
+  JsonValue root = detail::parse_json(text);
+  const auto is_array = [](const JsonValue& value) { return value.kind == Kind::array; };
+  const bool is_one = is_array(root) && !root.items.empty() && is_array(root.items[0]) &&
+                      !root.items[0].items.empty() && !is_array(root.items[0].items[0]);
+  if (!is_one) return loops_of(root);
+  JsonValue list;
+  list.kind = Kind::array;
+  list.items.push_back(std::move(root));
+  return loops_of(list);
 }
 
 std::vector<WarpPin> parse_pins(std::string_view text) {

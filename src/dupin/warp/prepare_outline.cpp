@@ -390,10 +390,9 @@ class Preparer {
       }
     }
     for (int axis = 0; axis < 2; ++axis) {
-      // A pixel to spare for corners that are pulled apart.
-      if (!raw_.loops.empty() && high[axis] - low[axis] > (std::int64_t{32767} << kOutlineBits))
+      if (!raw_.loops.empty() && high[axis] - low[axis] > (std::int64_t{32768} << kOutlineBits))
         throw Error(Errc::over_limit, "E_TOO_LARGE",
-                    "the outline is wider or higher than 32767 px");
+                    "the outline is wider or higher than 32768 px");
       middle_[axis] = raw_.loops.empty() ? 0 : low[axis];
     }
   }
@@ -427,8 +426,7 @@ class Preparer {
       if (is_orphan) drop(loop.source, "loops without an area were dropped");
       return is_orphan;
     });
-    if (loops_.empty())
-      throw AnalysisError("E_OUTLINE_EMPTY", "no loop of the outline has an area");
+    if (loops_.empty()) throw AnalysisError("E_EMPTY_SHAPE", "no loop of the outline has an area");
   }
 
   void drop(std::int32_t loop, const std::string& why) {

@@ -37,7 +37,7 @@ struct PreparedOutline {
 /// differ
 /// @throws AnalysisError E_OUTLINE_CROSSED  the raw outline crosses or touches itself: names loops,
 ///   edges and place
-/// @throws AnalysisError E_OUTLINE_EMPTY  no loop has an area
+/// @throws AnalysisError E_EMPTY_SHAPE  no loop has an area
 /// @throws Error(Errc::over_limit) E_TOO_LARGE  an extent over 32,768 px
 /// Cost: O(n log n) for n corners. Sources: thesis 7.4.1; Douglas and Peucker 1973.
 PreparedOutline prepare_outline(const Outline& raw, const OutlineOptions& options = {},

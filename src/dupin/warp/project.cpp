@@ -158,6 +158,22 @@ std::string project_body(const WarpProject& project) {
   return text + (project.stages.empty() ? "]" : "\n  ]");
 }
 
+std::string without_space(std::string_view text) {
+  std::string result;
+  bool is_in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (!is_in_string && (c == ' ' || c == '\t' || c == '\n' || c == '\r')) continue;
+    result += c;
+    if (is_in_string && c == '\\' && i + 1 < text.size()) {
+      result += text[++i];
+    } else if (c == '"') {
+      is_in_string = !is_in_string;
+    }
+  }
+  return result;
+}
+
 }  // namespace detail
 
 bool ContourSettings::operator==(const ContourSettings& other) const {
@@ -208,7 +224,16 @@ void validate(const WarpProject& project) {
 std::string format_project(const WarpProject& project) {
   validate(project);
   const std::string body = detail::project_body(project);
-  return body + ",\n  \"checksum\": " + quoted(sha256_hex(body)) + "\n}\n";
+  std::string text = body + ",\n  \"checksum\": ";
+  text += quoted(sha256_hex(detail::without_space(body))) + "\n}\n";
+  try {
+    detail::parse_json(text);
+  } catch (const IoError& error) {
+    throw IoError(error.errc(), error.code(),
+                  std::string("the project would be too large to be read again: ") + error.what(),
+                  {}, "fewer corners of loops, or fewer pins");
+  }
+  return text;
 }
 
 void require_image(const WarpProject& project, std::span<const std::uint8_t> file_bytes) {

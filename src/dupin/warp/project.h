@@ -29,6 +29,7 @@ struct WarpPin {
   double depth = 0.0;                  ///< +-1e6, larger is nearer to the viewer
   double radius = 0.0;                 ///< [px] 0 to 1e6, held rigid about the pin
   double weight = 1.0;                 ///< 1e-6 to 1e6 [-]
+  int loop = 0;                        ///< (exterior) its closed control polygon, 0 to 999
 
   bool operator==(const WarpPin&) const = default;
 };
@@ -48,9 +49,11 @@ enum class ContourSource : std::uint8_t { alpha, polyline };
 
 struct ContourSettings {
   ContourSource source = ContourSource::alpha;
-  double alpha_threshold = 0.5;  ///< (alpha) 0.001 to 1, inside where alpha is at least that
+  double alpha_threshold = 0.5;  ///< (alpha) 0 to 0.999999, inside where alpha is above that
   bool keep_holes = true;        ///< (alpha)
   bool all_components = false;   ///< (alpha) false: the largest only, as the thesis
+  double expansion = 2.0;        ///< (alpha) [px] 0 to 256, outward, as in ShapeOptions
+  double minimum_area = 16.0;    ///< (alpha) [px^2] 1 to 1e9, of a part and of a hole
   double detail = 60.0;          ///< beta of Eq. 7.36 ff., above 6 to 1e5: sigma = I / beta
   double prominence = 0.0;       ///< 0 to 1e6 [-]; 0: from the noise of the contour
   double separation = 0.0;       ///< [px] 0 to 1e6; 0: from the scale
@@ -60,7 +63,8 @@ struct ContourSettings {
 };
 
 struct MeshSettings {
-  double spacing = 0.0;     ///< [px] 0 or 0.5 to 16384; 0: from the size of the shape
+  double spacing = 0.0;     ///< [px] 0 or 0.5 to 16384; 0: from `triangles` and the area
+  int triangles = 2500;     ///< wanted, where spacing is 0; 16 to 2000000
   double min_angle = 25.0;  ///< [deg] 0 to 30
   int smoothing = 3;        ///< rounds, 0 to 1000
 
@@ -112,7 +116,14 @@ WarpProject parse_project(std::string_view text);
 /// The canonical text: the same bytes for equal projects, numbers as short as they read back, a
 /// checksum last. parse_project(format_project(p)) == p.
 /// @throws InvalidArgument naming the field that is out of its range
+/// @throws IoError E_TOO_LARGE (over_limit) for more than parse_project() would read, which is
+/// about
+///   99,900 corners of loops
 std::string format_project(const WarpProject& project);
+
+/// Reads closed polylines: `[[[x, y], ...], ...]`, or one alone.
+/// @throws IoError as parse_project()
+std::vector<Points2> parse_loops(std::string_view text);
 
 /// Reads a PINS.json: an array of pins as in a stage of a project, of which only `source` and
 /// `target` must be there. @throws IoError as parse_project()

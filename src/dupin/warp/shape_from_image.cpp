@@ -296,6 +296,7 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
       chosen.push_back(static_cast<std::int32_t>(i));
     } else {
       ++num_specks;
+      shape.left_out_area += static_cast<double>(size);
     }
   }
   if (runs.parts.empty()) {
@@ -319,8 +320,13 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
     shape.warnings.add("W_COMPONENTS", "part 0",
                        keeps_one ? "separate parts; the largest is kept" : "separate parts",
                        shape.num_parts);
+    for (std::size_t i = 1; keeps_one && i < chosen.size(); ++i) {
+      shape.left_out_area +=
+          static_cast<double>(runs.parts[static_cast<std::size_t>(chosen[i])].num_pixels);
+    }
     if (keeps_one) chosen.resize(1);
   }
+  shape.num_left_out = static_cast<std::int64_t>(runs.parts.size() - chosen.size());
   if (num_specks > 0) {
     shape.warnings.add("W_SPECK", "a part", "parts below the minimum area were left out",
                        num_specks);

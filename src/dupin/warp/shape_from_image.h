@@ -42,6 +42,8 @@ struct ImageShape {
   /// numbered by falling area, and by their first pixel where areas are equal.
   Outline outline;
   std::vector<double> part_areas;  ///< of the parts of the outline, in pixels less their holes
+  std::int64_t num_left_out = 0;   ///< parts that are not in the outline, specks too
+  double left_out_area = 0.0;      ///< of those, in pixels
   std::int64_t num_parts = 0;      ///< 4-connected parts of the picture of minimum_area or more
   std::int64_t num_holes = 0;      ///< in the outline
   WarningList warnings;            ///< W_COMPONENTS, W_SPECK, W_HOLE_CLOSED, W_NONMANIFOLD_VERTEX,
@@ -74,6 +76,13 @@ struct PolylineOutline {
   std::vector<Eigen::Index> corner;  ///< of each corner of the loop: its row in the input
   WarningList warnings;              ///< W_REPEATED_POINT, W_ORIENTATION_FIXED
 };
+
+/// The shape that closed polylines enclose: loops inside no other or in a hole are outer ones,
+/// loops inside an outer one are holes. Outer loops come as they are given, each with its holes
+/// after it. What outline_from_polyline() says of one holds for each of `loops`.
+/// @throws as outline_from_polyline(), naming loops; InvalidArgument without a loop
+/// Cost: O(n log n + pairs of edges whose boxes overlap in x + loops n).
+ImageShape outline_from_polylines(const std::vector<Points2>& loops);
 
 /// The closed polyline through `corners` (#corners by 2 [px]) as an outline. Coordinates are
 /// rounded to multiples of 2^-16, on which all tests are exact. Repeated points are dropped, and

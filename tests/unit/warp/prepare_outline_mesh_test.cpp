@@ -128,7 +128,16 @@ TEST(PrepareOutline, DropsLoopsWithoutAreaWithTheirHoles) {
   const PreparedOutline made = prepare_outline(raw, options_of(20.0, 0.5));
   EXPECT_EQ(made.outline.loops.size(), 1u);
   EXPECT_TRUE(made.warnings.contains("W_OUTLINE_DROPPED"));
-  EXPECT_EQ(refusal(test::single({{60, 0}, {70, 0}, {80, 0}})).substr(0, 15), "E_OUTLINE_EMPTY");
+  EXPECT_EQ(refusal(test::single({{60, 0}, {70, 0}, {80, 0}})).substr(0, 13), "E_EMPTY_SHAPE");
+}
+
+// The largest picture that is read, and a pixel more.
+TEST(PrepareOutline, TakesTheLargestExtent) {
+  const double side = 32768.0;
+  const Outline raw = test::single({{0, 0}, {side, 0}, {side, 100}, {0, 100}});
+  EXPECT_EQ(signed_area(prepare_outline(raw, options_of(8000.0, 0.5)).outline), side * 100.0);
+  const Outline wider = test::single({{0, 0}, {side + 1.0, 0}, {side + 1.0, 100}, {0, 100}});
+  EXPECT_EQ(refusal(wider).substr(0, 11), "E_TOO_LARGE");
 }
 
 // Where the loop starts does not matter.

@@ -41,13 +41,16 @@ WarpProject random_project(std::uint64_t seed) {
   Rng rng(seed);
   WarpProject project = sample_project();
   project.contour.source = ContourSource::polyline;
-  project.contour.alpha_threshold = rng.uniform(0.001, 1.0);
+  project.contour.alpha_threshold = rng.uniform(0.0, 0.999);
+  project.contour.expansion = rng.uniform(0.0, 256.0);
+  project.contour.minimum_area = rng.uniform(1.0, 1e4);
   project.contour.keep_holes = rng.below(2) == 0;
   project.contour.detail = rng.uniform(7.0, 100.0);
   Points2 loop(3 + static_cast<Index>(rng.below(5)), 2);
   for (Index i = 0; i < loop.size(); ++i) loop.data()[i] = 1e3 * rng.normal();
   project.contour.loops = {loop};
   project.mesh.spacing = std::exp(rng.uniform(0.0, 5.0));
+  project.mesh.triangles = 16 + static_cast<int>(rng.below(1000));
   project.mesh.smoothing = static_cast<int>(rng.below(1000));
   project.deformation.method = static_cast<WarpMethod>(rng.below(3));
   project.deformation.alpha = rng.uniform(0.1, 20.0);
@@ -56,6 +59,7 @@ WarpProject random_project(std::uint64_t seed) {
     pin.name = "pin " + std::to_string(rng.below(1000)) + " \" \\ ü";
     pin.source << rng.normal(), 1e5 * rng.normal();
     pin.target << 1e-9 * rng.normal(), rng.uniform();
+    pin.loop = static_cast<int>(rng.below(1000));
     stage.pins.push_back(pin);
   }
   return project;
@@ -136,6 +140,8 @@ TEST(WarpProject, DifferencesAreSeen) {
   EXPECT_TRUE(differs([](WarpProject& p) { p.image.width += 1; }));
   EXPECT_TRUE(differs([](WarpProject& p) { p.contour.keep_holes = !p.contour.keep_holes; }));
   EXPECT_TRUE(differs([](WarpProject& p) { p.contour.loops[0](1, 1) += 1e-9; }));
+  EXPECT_TRUE(differs([](WarpProject& p) { p.contour.expansion *= 1.0 + 1e-15; }));
+  EXPECT_TRUE(differs([](WarpProject& p) { p.stages[0].pins[0].loop += 1; }));
   EXPECT_TRUE(differs([](WarpProject& p) { p.mesh.smoothing += 1; }));
   EXPECT_TRUE(differs([](WarpProject& p) { p.deformation.alpha *= 1.0 + 1e-15; }));
   EXPECT_TRUE(differs([](WarpProject& p) { p.stages[0].pins[0].target.y() += 1e-15; }));
@@ -229,12 +235,50 @@ TEST(WarpProject, LimitsHold) {
   EXPECT_EQ(code_of(std::string((16U << 20U) + 1, ' ')), "E_TOO_LARGE");
 }
 
-// Edited by hand, the project says so; without the checksum it is taken as it is.
+// Edited by hand, the project says so; without the checksum it is taken as it is. White space
+// between tokens does not count, so that other line ends or indents do no harm.
 TEST(WarpProject, ChangesAfterWritingAreFound) {
   const std::string text = format_project(sample_project());
   EXPECT_EQ(code_of(replaced(text, "120.5", "121.5")), "E_CRC");
-  EXPECT_EQ(code_of(replaced(text, "120.5", "120.50")), "");
+  EXPECT_EQ(code_of(replaced(text, "120.5", "120.50")), "E_CRC");
+  EXPECT_EQ(code_of(replaced(text, "t-shirt", "t- shirt")), "E_CRC");
+  std::string reflowed;
+  for (const char c : text) reflowed += c == '\n' ? std::string("\r\n\t") : std::string(1, c);
+  EXPECT_EQ(code_of(reflowed), "");
+  const std::string checksum = text.substr(text.find("  \"checksum\""), 80);
+  EXPECT_EQ(code_of(replaced(without_checksum(text), "  \"program\"",
+                             checksum.substr(0, checksum.rfind('"') + 1) + ",\n  \"program\"")),
+            "E_SYNTAX");
   EXPECT_EQ(code_of(without_checksum(replaced(text, "120.5", "121.5"))), "");
+}
+
+// The checksum is of the text: a program that writes fewer fields, or others in another order, made
+// projects that are whole. Here one of before contour.expansion, by the documented recipe.
+TEST(WarpProject, ProjectsOfProgramsWithFewerFieldsAreWhole) {
+  const std::string body = R"({"format":"dwarp","version":1,"image":{"width":8,"height":9,"path":)"
+                           R"("a \" b.png","sha256":")" +
+                           sha256_hex("") + "\"}";
+  EXPECT_EQ(code_of(body + ",\"checksum\":\"" + sha256_hex(body) + "\"}"), "");
+  EXPECT_EQ(code_of(body + " ,\n \"checksum\" : \"" + sha256_hex(body) + "\" }\n"), "");
+  EXPECT_EQ(code_of(body + ",\"checksum\":\"" + sha256_hex(body + " ") + "\"}"), "E_CRC");
+}
+
+// Each corner is three values of the 300,000 that are read.
+TEST(WarpProject, WhatIsTooLargeToBeReadIsNotWritten) {
+  WarpProject project = sample_project();
+  project.contour.source = ContourSource::polyline;
+  const auto code_with = [&](Index corners) {
+    project.contour.loops = {Points2::Zero(corners, 2)};
+    try {
+      parse_project(format_project(project));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.errc(), Errc::over_limit);
+      return error.code();
+    }
+    return std::string();
+  };
+  EXPECT_EQ(code_with(99900), "");
+  EXPECT_EQ(code_with(100000), "E_TOO_LARGE");
 }
 
 TEST(WarpProject, AnotherPictureIsRefused) {
@@ -273,6 +317,15 @@ TEST(WarpProject, WhatCannotBeReadIsNotWritten) {
   EXPECT_TRUE(refused([](WarpProject& p) { p.contour.detail = 6.0; }));
   EXPECT_TRUE(refused([](WarpProject& p) { p.stages.resize(1001); }));
   EXPECT_TRUE(refused([](WarpProject& p) { p.program = "\xc3"; }));
+}
+
+TEST(Loops, AreReadAsAListOrAlone) {
+  EXPECT_EQ(parse_loops("[[[0, 0], [1, 0], [0, 1.5]], [[5, 5], [6, 5], [5, 6]]]").size(), 2U);
+  const auto one = parse_loops("[[0, 0], [1, 0], [0, 1.5]]");
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(one[0](2, 1), 1.5);
+  for (const char* text : {"[]", "[[]]", "[[0, 0], [1, 0]]", "[[[0, 0], [1, 0], 3]]", "{}", "[3]"})
+    EXPECT_THROW(parse_loops(text), IoError) << text;
 }
 
 // The example of the command line: names, depth and rotation may be left out.

@@ -2,9 +2,11 @@
 #include <png.h>
 #include <zlib.h>
 
+#include <bit>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <vector>
 
@@ -124,6 +126,30 @@ TEST(Npy, ReadsBackWhatItWrites) {
   const NpyArray line = vector_of(7);
   EXPECT_EQ(detail::parse_npy(test::as_bytes(detail::format_npy(line)), "a.npy", {}).shape,
             line.shape);
+}
+
+// Any shape, NaN kept: the bytes after the header are those of the floats.
+TEST(Npy, SinglePrecisionOfAnyShapeKeepsNaN) {
+  const std::vector<float> values = {
+      1.5F, std::numeric_limits<float>::quiet_NaN(), -0.1F, 0.0F, 3e38F, 1e-45F};
+  const std::string bytes = detail::format_npy({1, 3, 2}, values);
+  EXPECT_NE(bytes.find("'<f4', 'fortran_order': False, 'shape': (1, 3, 2), }"), std::string::npos);
+  ASSERT_EQ(bytes.size() % 64, 24U);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 4; ++k)
+      bits |= std::uint32_t{static_cast<unsigned char>(bytes[bytes.size() - 24 + 4 * i + k])}
+              << (8 * k);
+    EXPECT_EQ(bits, std::bit_cast<std::uint32_t>(values[i]));
+  }
+  EXPECT_EQ(detail::format_npy({6}, std::vector<float>(6, 0.25F)), detail::format_npy([] {
+              NpyArray array;
+              array.shape = {6};
+              array.values = RowMatrixXd::Constant(6, 1, 0.25);
+              array.as_float32 = true;
+              return array;
+            }()));
+  EXPECT_THROW(detail::format_npy({2, 2}, values), InvalidArgument);
 }
 
 std::string npy_code(const std::string& bytes) {
