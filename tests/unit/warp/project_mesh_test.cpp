@@ -287,13 +287,14 @@ TEST(OutlineFromPolylines, TellsHolesByWhatIsAroundThem) {
       square(30, 30, 40, false),  // the hole
       square(0, 0, 100, true),    // around all, the wrong way
       square(200, 0, 10, false),  // apart
+      square(45, 45, 10, true),   // a hole of the one in the hole
   });
-  ASSERT_EQ(shape.outline.loops.size(), 4U);
+  ASSERT_EQ(shape.outline.loops.size(), 5U);
   EXPECT_EQ(shape.num_parts, 3);
-  EXPECT_EQ(shape.num_holes, 1);
-  EXPECT_EQ(shape.outline.component, (std::vector<std::int32_t>{0, 1, 1, 2}));
-  EXPECT_EQ(shape.part_areas, (std::vector<double>{400.0, 10000.0 - 1600.0, 100.0}));
-  EXPECT_EQ(signed_area(shape.outline.loops[2]), -1600.0);
+  EXPECT_EQ(shape.num_holes, 2);
+  EXPECT_EQ(shape.outline.component, (std::vector<std::int32_t>{0, 0, 1, 1, 2}));
+  EXPECT_EQ(shape.part_areas, (std::vector<double>{400.0 - 100.0, 10000.0 - 1600.0, 100.0}));
+  EXPECT_EQ(signed_area(shape.outline.loops[3]), -1600.0);
   EXPECT_TRUE(shape.warnings.contains("W_ORIENTATION_FIXED"));
   EXPECT_EQ(shape.warnings.all()[0].count, 1);
 }
