@@ -136,7 +136,15 @@ Deformation deformation_of(const WarpInput& input, const ProjectMesh& mesh,
   DeformOptions options = deform_options_of(input.project);
   options.warp.is_unanchored_allowed = is_unanchored_allowed;
   Deformation deformation = naming(input.file, [&] {
-    return deform(mesh.meshed.mesh, stages_of(input.project, mesh.anchors), options, run);
+    const std::vector<DeformStage> stages = stages_of(input.project, mesh.anchors);
+    constexpr double kLimit = 4e9;
+    if (const double bytes = table_bytes(mesh.meshed.mesh, stages); bytes > kLimit) {
+      throw Error(Errc::over_limit, "E_TOO_LARGE",
+                  fmt::format("{} vertices and so many pins need {:.1f} GB, the limit is {:.0f}",
+                              mesh.meshed.mesh.points.rows(), bytes / 1e9, kLimit / 1e9),
+                  {}, "a coarser mesh, or fewer pins");
+    }
+    return deform(mesh.meshed.mesh, stages, options, run);
   });
   context.run.throw_if_cancelled();
   deformation.warnings.append(ignored_pins(input.project));

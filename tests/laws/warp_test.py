@@ -424,6 +424,22 @@ class BadPins(WarpLaw):
         self.pins_are_refused(4, "E_EMPTY", "")
         self.pins_are_refused(6, "E_TOO_LARGE", [pin(30, 45, 30, 45)] * 10001)
 
+    def test_more_than_a_computer_holds_is_refused(self):
+        grid = [(.85 * i + .1, .85 * k + .1) for i in range(100) for k in range(100)]
+        pins = [pin(x, y, x, y) for x, y in grid if 11 < math.hypot(x - 45, y - 45) < 37]
+        self.assertGreater(len(pins), 5000)
+        self.pins_are_refused(6, "E_TOO_LARGE", pins, "--density", "900000")
+
+    def test_extreme_pins_leave_numbers_finite(self):
+        for extreme in ({"target": [1e6, -1e6]}, {"rotation": 36000}, {"weight": 1e6}, {"weight": 1e-6}, {"radius": 1e6}, {"depth": 1e6},
+                        {"depth": -1e6, "radius": 5, "rotation": 179}):
+            pins = pins_moved_by(0, 0)
+            pins[0].update(extreme)
+            self.new("p.dwarp", "disc.png", pins)
+            for method in ("arap", "image-mls"):
+                text = json.dumps(self.render("p.dwarp", "--method", method))
+                self.assertEqual(text.count("null") + text.count("NaN") + text.count("Infinity"), 0, extreme)
+
     def test_repeated_pins_are_told(self):
         document = self.new("p.dwarp", "disc.png", [pin(30, 45, 32, 45)] * 2)
         self.assertIn("W_PIN_REPEATED", self.codes(document))

@@ -76,8 +76,8 @@ using Loops = std::vector<std::vector<Corner>>;
 struct Edge {
   std::size_t loop = 0;
   std::size_t index = 0;
-  std::int64_t begin = 0;  // smallest and largest x
-  std::int64_t end = 0;
+  std::array<std::int64_t, 2> low{};  // of its box; the axis of the sweep first
+  std::array<std::int64_t, 2> high{};
 };
 
 std::size_t next_of(const std::vector<Corner>& corners, std::size_t i) {
@@ -108,28 +108,47 @@ void require_no_spike(const Loops& loops, std::size_t loop, std::size_t i) {
   if (turn_of(a, b, c) != 0) return;
   const Wide dot =
       static_cast<Wide>(b.x - a.x) * (c.x - b.x) + static_cast<Wide>(b.y - a.y) * (c.y - b.y);
-  if (dot < 0) fail_crossed(loops, {loop, i}, {loop, j}, place_of(b));
+  if (dot < 0) fail_crossed(loops, {loop, i, {}, {}}, {loop, j, {}, {}}, place_of(b));
+}
+
+// Edges by where they begin along the axis along which they are shorter in sum: few overlap there.
+std::vector<Edge> edges_of(const Loops& loops) {
+  std::vector<Edge> edges;
+  std::array<Wide, 2> extent{};
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    for (std::size_t i = 0; i < loops[l].size(); ++i) {
+      const Corner& a = loops[l][i];
+      const Corner& b = loops[l][next_of(loops[l], i)];
+      edges.push_back({l,
+                       i,
+                       {std::min(a.x, b.x), std::min(a.y, b.y)},
+                       {std::max(a.x, b.x), std::max(a.y, b.y)}});
+      for (std::size_t k = 0; k < 2; ++k) extent[k] += edges.back().high[k] - edges.back().low[k];
+    }
+  }
+  for (Edge& edge : edges) {
+    if (extent[0] <= extent[1]) break;
+    std::swap(edge.low[0], edge.low[1]);
+    std::swap(edge.high[0], edge.high[1]);
+  }
+  std::stable_sort(edges.begin(), edges.end(),
+                   [](const Edge& a, const Edge& b) { return a.low[0] < b.low[0]; });
+  return edges;
 }
 
 // No two edges meet, but neighbours at their corner.
-void require_simple(const Loops& loops) {
-  std::vector<Edge> edges;
+void require_simple(const Loops& loops, const RunControl& run) {
   for (std::size_t l = 0; l < loops.size(); ++l) {
-    for (std::size_t i = 0; i < loops[l].size(); ++i) {
-      require_no_spike(loops, l, i);
-      const std::int64_t x0 = loops[l][i].x;
-      const std::int64_t x1 = loops[l][next_of(loops[l], i)].x;
-      edges.push_back({l, i, std::min(x0, x1), std::max(x0, x1)});
-    }
+    for (std::size_t i = 0; i < loops[l].size(); ++i) require_no_spike(loops, l, i);
   }
-  std::stable_sort(edges.begin(), edges.end(),
-                   [](const Edge& a, const Edge& b) { return a.begin < b.begin; });
   std::vector<Edge> open;
-  for (const Edge& edge : edges) {
-    std::erase_if(open, [&](const Edge& other) { return other.end < edge.begin; });
+  for (const Edge& edge : edges_of(loops)) {
+    if (run.cancelled()) return;
+    std::erase_if(open, [&](const Edge& other) { return other.high[0] < edge.low[0]; });
     const std::vector<Corner>& mine = loops[edge.loop];
     const std::size_t i = edge.index;
     for (const Edge& other : open) {
+      if (other.high[1] < edge.low[1] || edge.high[1] < other.low[1]) continue;
       const std::vector<Corner>& its = loops[other.loop];
       const std::size_t j = other.index;
       if (edge.loop == other.loop && (next_of(mine, i) == j || next_of(mine, j) == i)) continue;
@@ -218,7 +237,7 @@ Points2 to_points(const std::vector<Corner>& corners) {
 PolylineOutline outline_from_polyline(const Points2& points) {
   PolylineOutline result;
   Loops loops{distinct_corners(points, "", result.warnings)};
-  require_simple(loops);
+  require_simple(loops, {});
   std::vector<Corner>& corners = loops[0];
   // Simple, so the area is not zero.
   if (twice_area(corners) < 0) {
@@ -231,7 +250,7 @@ PolylineOutline outline_from_polyline(const Points2& points) {
   return result;
 }
 
-ImageShape outline_from_polylines(const std::vector<Points2>& polylines) {
+ImageShape outline_from_polylines(const std::vector<Points2>& polylines, RunControl run) {
   if (polylines.empty()) throw InvalidArgument("an outline needs a loop");
   ImageShape shape;
   Loops loops;
@@ -239,7 +258,12 @@ ImageShape outline_from_polylines(const std::vector<Points2>& polylines) {
     const std::string name = polylines.size() > 1 ? "loop " + std::to_string(l) + ", " : "";
     loops.push_back(distinct_corners(polylines[l], name, shape.warnings));
   }
-  require_simple(loops);
+  require_simple(loops, run);
+  if (run.cancelled()) {
+    shape = {};
+    shape.status = Status::cancelled;
+    return shape;
+  }
   // Loops that do not meet are around each other as a whole: one corner tells for all.
   std::vector<std::vector<std::size_t>> around(loops.size());
   for (std::size_t l = 0; l < loops.size(); ++l) {

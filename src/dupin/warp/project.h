@@ -54,7 +54,7 @@ struct ContourSettings {
   bool all_components = false;   ///< (alpha) false: the largest only, as the thesis
   double expansion = 2.0;        ///< (alpha) [px] 0 to 256, outward, as in ShapeOptions
   double minimum_area = 16.0;    ///< (alpha) [px^2] 1 to 1e9, of a part and of a hole
-  double detail = 60.0;          ///< beta of Eq. 7.36 ff., above 6 to 1e5: sigma = I / beta
+  double detail = 60.0;          ///< beta of Eq. 7.36 ff., above 6 to 65536: sigma = I / beta
   double prominence = 0.0;       ///< 0 to 1e6 [-]; 0: from the noise of the contour
   double separation = 0.0;       ///< [px] 0 to 1e6; 0: from the scale
   std::vector<Points2> loops;    ///< (polyline) drawn by the user, at least three corners each

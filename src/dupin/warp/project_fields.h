@@ -33,7 +33,7 @@ inline constexpr std::array<Field<ContourSettings>, 8> kContourFields = {{
     {"all_components", &ContourSettings::all_components, 0.0, 1.0},
     {"expansion", &ContourSettings::expansion, 0.0, 256.0},
     {"minimum_area", &ContourSettings::minimum_area, 1.0, 1e9},
-    {"detail", &ContourSettings::detail, 6.000001, 1e5},
+    {"detail", &ContourSettings::detail, 6.000001, 65536.0},
     {"prominence", &ContourSettings::prominence, 0.0, 1e6},
     {"separation", &ContourSettings::separation, 0.0, 1e6},
 }};

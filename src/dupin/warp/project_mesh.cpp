@@ -69,7 +69,7 @@ ExteriorPointOptions exterior_options_of(const WarpProject& project) {
 
 ImageShape outline_of(const WarpProject& project, const Raster& image, RunControl run) {
   if (project.contour.source == ContourSource::polyline)
-    return outline_from_polylines(project.contour.loops);
+    return outline_from_polylines(project.contour.loops, std::move(run));
   return shape_from_image(image, shape_options_of(project), std::move(run));
 }
 

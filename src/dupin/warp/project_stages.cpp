@@ -1,5 +1,6 @@
 #include "dupin/warp/project_stages.h"
 
+#include <algorithm>
 #include <map>
 #include <numbers>
 #include <string>
@@ -64,6 +65,19 @@ std::vector<DeformStage> stages_of(const WarpProject& project,
     stages.push_back(std::move(stage));
   }
   return stages;
+}
+
+double table_bytes(const PlanarMesh& mesh, const std::vector<DeformStage>& stages) {
+  // At most so many samples lie on the lines of a stage; a pin has a distance to every vertex and
+  // three numbers in the table of moving least squares, a sample a distance.
+  constexpr double kLineSamples = 256.0;
+  constexpr double kNumbersOfPin = 5.0;
+  double most = 0.0;
+  for (const DeformStage& stage : stages) {
+    const double samples = stage.lines.empty() ? 0.0 : kLineSamples;
+    most = std::max(most, kNumbersOfPin * static_cast<double>(stage.pins.size()) + samples);
+  }
+  return most * sizeof(double) * static_cast<double>(mesh.points.rows());
 }
 
 WarningList ignored_pins(const WarpProject& project) {

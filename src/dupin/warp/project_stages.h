@@ -12,11 +12,16 @@ namespace dupin {
 
 /// The stages of a project as deform() takes them, one for one: of a coarse stage the interior
 /// pins, of a fine one the exterior pins, each loop number one closed control polygon in the order
-/// of the list. Pins without a name are called by their number, and their stage where there are several.
+/// of the list. Pins without a name are called by their number, and their stage where there are
+/// several.
 /// @param anchors  of the pins of the first stage that has any, as ProjectMesh::anchors; or none
 /// @throws InvalidArgument for anchors of another number of pins
 std::vector<DeformStage> stages_of(const WarpProject& project,
                                    const std::vector<std::optional<MeshPoint>>& anchors = {});
+
+/// Bytes that the tables of the largest stage take: distances and weights, #V by pins and samples
+/// of control lines. A project may ask for far more than a computer has.
+double table_bytes(const PlanarMesh& mesh, const std::vector<DeformStage>& stages);
 
 /// W_PIN_IGNORED, if stages have pins of the other kind, which move nothing there.
 WarningList ignored_pins(const WarpProject& project);

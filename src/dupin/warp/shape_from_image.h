@@ -81,8 +81,8 @@ struct PolylineOutline {
 /// loops inside an outer one are holes. Outer loops come as they are given, each with its holes
 /// after it. What outline_from_polyline() says of one holds for each of `loops`.
 /// @throws as outline_from_polyline(), naming loops; InvalidArgument without a loop
-/// Cost: O(n log n + pairs of edges whose boxes overlap in x + loops n).
-ImageShape outline_from_polylines(const std::vector<Points2>& loops);
+/// Cost: O(n log n + pairs of edges that overlap in x, or in y if those are fewer + loops n).
+ImageShape outline_from_polylines(const std::vector<Points2>& loops, RunControl run = {});
 
 /// The closed polyline through `corners` (#corners by 2 [px]) as an outline. Coordinates are
 /// rounded to multiples of 2^-16, on which all tests are exact. Repeated points are dropped, and

@@ -299,6 +299,29 @@ TEST(OutlineFromPolylines, TellsHolesByWhatIsAroundThem) {
   EXPECT_EQ(shape.warnings.all()[0].count, 1);
 }
 
+// The sweep runs along the axis in which edges are shorter: both ways all crossings are found.
+TEST(OutlineFromPolylines, CrossingsAreFoundInLyingAndStandingCombs) {
+  constexpr Index kTeeth = 2000;
+  Points2 comb(2 * kTeeth + 2, 2);
+  for (Index i = 0; i < kTeeth; ++i) {
+    comb.row(2 * i) << 0.5 * static_cast<double>(i), 10.0;
+    comb.row(2 * i + 1) << 0.5 * static_cast<double>(i) + 0.25, 30000.0;
+  }
+  comb.row(2 * kTeeth) << 0.5 * kTeeth, 0.0;
+  comb.row(2 * kTeeth + 1) << 0.0, 0.0;
+  EXPECT_EQ(outline_from_polylines({comb}).num_parts, 1);
+  Points2 lying = comb.rowwise().reverse();
+  EXPECT_EQ(outline_from_polylines({lying}).num_parts, 1);
+  for (Points2* each : {&comb, &lying}) {
+    Points2 crossed = *each;
+    crossed.row(100).swap(crossed.row(102));
+    EXPECT_THROW(outline_from_polylines({crossed}), AnalysisError);
+  }
+  const RunControl run = RunControl::create();
+  run.cancel();
+  EXPECT_EQ(outline_from_polylines({comb}, run).status, Status::cancelled);
+}
+
 TEST(OutlineFromPolylines, LoopsThatMeetAreRefusedByName) {
   Points2 big(3, 2);
   big << 0, 0, 10, 0, 0, 10;
