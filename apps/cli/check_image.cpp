@@ -12,7 +12,7 @@ using nlohmann::ordered_json;
 ImageJudgement judge_image(const Context& context, const FileBytes& file, const std::string& name) {
   ImageJudgement judgement;
   PngFile picture = file.judge(name, [&] {
-    return parse_png(file.bytes(), name, context.read.limits, context.run.stage(0.0, 0.7));
+    return parse_png(file, name, context.read.limits, context.run.stage(0.0, 0.7));
   });
   judgement.width = picture.raster.width;
   judgement.height = picture.raster.height;
@@ -21,11 +21,12 @@ ImageJudgement judge_image(const Context& context, const FileBytes& file, const 
   judgement.warnings = std::move(picture.warnings);
   ShapeOptions options;
   options.parts = ShapeParts::all;
+  options.keep_outline = false;
   const ImageShape shape = shape_from_image(picture.raster, options, context.run.stage(0.7, 1.0));
   context.run.throw_if_cancelled();
   judgement.num_parts = shape.num_parts;
   judgement.num_holes = shape.num_holes;
-  judgement.area = signed_area(shape.outline);
+  judgement.area = shape.area;
   judgement.warnings.append(shape.warnings);
   return judgement;
 }

@@ -89,6 +89,14 @@ Mapping::~Mapping() {
 
 bool Mapping::was_cut() const { return data_ != nullptr && slots[slot_].was_cut.load(); }
 
+void Mapping::release(std::size_t first, std::size_t last) const {
+  const std::size_t begin = (first + page_size - 1) / page_size * page_size;
+  const std::size_t end = last / page_size * page_size;
+  if (data_ == nullptr || begin >= end) return;
+  // The interface wants the memory as writable although nobody writes to it.
+  ::madvise(const_cast<std::uint8_t*>(data_) + begin, end - begin, MADV_DONTNEED);
+}
+
 #else
 
 namespace dupin::detail {
@@ -96,6 +104,7 @@ namespace dupin::detail {
 Mapping::Mapping(int /*fd*/, std::size_t /*size*/) {}
 Mapping::~Mapping() = default;
 bool Mapping::was_cut() const { return slot_ >= 0; }
+void Mapping::release(std::size_t /*first*/, std::size_t /*last*/) const {}
 
 #endif
 

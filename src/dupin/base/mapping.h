@@ -26,6 +26,9 @@ class Mapping {
 
   const std::uint8_t* data() const { return data_; }
   bool was_cut() const;
+  /// Gives the memory of whole pages within [first, last) back; they are read again when they are
+  /// looked at again.
+  void release(std::size_t first, std::size_t last) const;
 
  private:
   const std::uint8_t* data_ = nullptr;

@@ -31,6 +31,9 @@ class FileBytes {
 
   std::span<const std::uint8_t> bytes() const { return {data_, size_}; }
 
+  /// Says that bytes [first, last) will not be read soon: the memory of a mapping is given back.
+  void release(std::size_t first, std::size_t last) const { mapping_.release(first, last); }
+
   /// What `parse()` makes of the bytes, if they all stayed there: neither its result nor its error
   /// is to be believed when the file became shorter meanwhile, for then some bytes were zeros.
   /// @throws IoError E_READ in that case

@@ -12,6 +12,8 @@
 
 namespace dupin {
 
+class FileBytes;
+
 /// A picture as read, and what there is to remark about its file.
 struct PngFile {
   Raster raster;         ///< RGBA of 8 bits, or of 16 if the file has 16
@@ -25,13 +27,17 @@ struct PngFile {
 ///
 /// Either the whole picture comes back or an error, never a part of it. The header is judged before
 /// memory is taken, and memory only if the packed bytes can fill it. Peak: 4 bytes a pixel, 8 for
-/// 16 bits, one more for interlaced palettes, and the mapped file.
+/// 16 bits, one more for interlaced palettes; or the mapped file, which is let go as it is read.
 ///
 /// @throws IoError as FileBytes::open(); E_EMPTY, E_MAGIC, E_HEADER, E_TRUNCATED, E_CRC, E_FILTER,
 ///   E_PALETTE_INDEX, E_SYNTAX (Errc::malformed); E_IMAGE_TOO_LARGE, E_EXPANSION (Errc::over_limit)
 /// @throws Error(Errc::interrupted) when cancelled
 /// Cost: O(bytes + pixels).
 PngFile read_png(const std::string& path, const ReadLimits& limits = {}, RunControl run = {});
+
+/// The same of a file that is open already.
+PngFile parse_png(const FileBytes& file, const std::string& name, const ReadLimits& limits = {},
+                  const RunControl& run = {});
 
 /// The same from memory; `name` is used in messages.
 PngFile parse_png(std::span<const std::uint8_t> bytes, const std::string& name,

@@ -22,13 +22,18 @@ using ByteSpan = std::span<const std::uint8_t>;
 constexpr std::array<std::uint8_t, 12> kEndChunk = {0,   0,   0,    0,    'I',  'E',
                                                     'N', 'D', 0xAE, 0x42, 0x60, 0x82};
 
+// The mapped file must not stay in memory beside the picture.
+constexpr std::size_t kReleasedAtOnce = std::size_t{1} << 22;
+
 /// All that the calls of libpng share. They run between setjmp() and longjmp(), so nothing here is
 /// made or destroyed there, and messages go into arrays of fixed size.
 struct Decoder {
   png_structp png = nullptr;
   png_infop info = nullptr;
-  ByteSpan stream;        // of the file up to its last whole chunk
-  std::size_t taken = 0;  // of stream, then of kEndChunk
+  ByteSpan stream;                  // of the file up to its last whole chunk
+  std::size_t taken = 0;            // of stream, then of kEndChunk
+  const FileBytes* file = nullptr;  // what stream maps, if it does
+  std::size_t released = 0;         // of stream
   const RunControl* run = nullptr;
   std::uint8_t* rows = nullptr;  // first output row
   std::size_t stride = 0;        // bytes from row to row; 0: every row at the same place
@@ -63,6 +68,9 @@ void read_bytes(png_structp png, png_bytep to, png_size_t size) {
     png_error(png, "Not enough data");
   }
   decoder->taken += size;
+  if (decoder->file == nullptr || decoder->taken < decoder->released + kReleasedAtOnce) return;
+  decoder->file->release(decoder->released, decoder->taken);
+  decoder->released = decoder->taken;
 }
 
 [[noreturn]] void jump_out(png_structp png, png_const_charp message) {
@@ -154,7 +162,9 @@ class Session {
     png_set_read_fn(png, &decoder_, read_bytes);
     png_set_user_limits(png, static_cast<png_uint_32>(frame.width),
                         static_cast<png_uint_32>(frame.height));
-    png_set_chunk_malloc_max(png, 1 << 20);
+    // A limit for what is kept of a chunk, but libpng warns of long ones that are skipped, too.
+    // Only palettes and transparent colours are kept, and their size is judged by the format.
+    png_set_chunk_malloc_max(png, std::max<std::size_t>(decoder_.stream.size(), 1U << 20U));
     png_set_benign_errors(png, 1);
     // Checksums were compared when the chunks were walked over.
     png_set_crc_action(png, PNG_CRC_QUIET_USE, PNG_CRC_QUIET_USE);
@@ -314,9 +324,12 @@ bool is_png(ByteSpan bytes) {
   return bytes.size() >= 4 && std::memcmp(bytes.data(), "\x89PNG", 4) == 0;
 }
 
-PngFile parse_png(ByteSpan bytes, const std::string& name, const ReadLimits& limits,
-                  const RunControl& run) {
+namespace {
+
+PngFile parse(ByteSpan bytes, const FileBytes* mapped, const std::string& name,
+              const ReadLimits& limits, const RunControl& run) {
   detail::PngFrame frame = detail::read_png_frame(bytes, name, limits);
+  if (mapped != nullptr) mapped->release(0, bytes.size());
   run.throw_if_cancelled();
   PngFile file;
   file.raster = make_raster(frame.width, frame.height, frame.bits == 16 ? 16 : 8);
@@ -324,6 +337,7 @@ PngFile parse_png(ByteSpan bytes, const std::string& name, const ReadLimits& lim
   file.warnings = std::move(frame.warnings);
   Decoder decoder;
   decoder.stream = bytes.first(frame.end);
+  decoder.file = mapped;
   decoder.run = &run;
   decoder.height = frame.height;
   decoder.is_palette = frame.colour_type == 3;
@@ -336,9 +350,21 @@ PngFile parse_png(ByteSpan bytes, const std::string& name, const ReadLimits& lim
   return file;
 }
 
+}  // namespace
+
+PngFile parse_png(ByteSpan bytes, const std::string& name, const ReadLimits& limits,
+                  const RunControl& run) {
+  return parse(bytes, nullptr, name, limits, run);
+}
+
+PngFile parse_png(const FileBytes& file, const std::string& name, const ReadLimits& limits,
+                  const RunControl& run) {
+  return parse(file.bytes(), &file, name, limits, run);
+}
+
 PngFile read_png(const std::string& path, const ReadLimits& limits, RunControl run) {
   const FileBytes file = FileBytes::open(path, limits, run);
-  return file.judge(path, [&] { return parse_png(file.bytes(), path, limits, run); });
+  return file.judge(path, [&] { return parse_png(file, path, limits, run); });
 }
 
 }  // namespace dupin

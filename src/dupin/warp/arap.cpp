@@ -1,12 +1,18 @@
 #include "dupin/warp/arap.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
 
 #include "dupin/base/error.h"
+#include "dupin/base/instruction_set.h"
 #include "dupin/base/parallel.h"
+
+#ifdef DUPIN_X86
+#include <emmintrin.h>
+#endif
 
 namespace dupin {
 namespace {
@@ -19,6 +25,19 @@ constexpr Index kGrain = 1024;     // vertices a task; sums are added in blocks 
 constexpr double kNoTurn = 1e-12;  // of the largest that it can be: a cell that says no direction
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+// x and y in one register of every machine: what is summed over neighbours, is summed for both.
+using Pair = double __attribute__((vector_size(16)));
+
+Pair swapped(Pair v) { return Pair{v[1], v[0]}; }
+
+Pair root(Pair v) {
+#ifdef DUPIN_X86
+  return _mm_sqrt_pd(v);
+#else
+  return Pair{std::sqrt(v[0]), std::sqrt(v[1])};
+#endif
+}
 
 std::uint32_t spread_bits(std::uint32_t x) {
   x = (x | (x << 8U)) & 0x00FF00FFU;
@@ -55,6 +74,15 @@ std::size_t slot(const Adjacency& ring, Index v, std::int32_t k) {
 
 }  // namespace
 
+// All of a vertex in one cache line: the loops gather neighbours.
+struct alignas(64) ArapSystem::Node {
+  Pair p;
+  Pair q;
+  Pair turn;  // cosine and sine, times w
+  double w;
+  double unused;
+};
+
 EdgeWeighting edge_weights(const PlanarMesh& mesh, const PlanarGraph& graph, EdgeWeights kind) {
   const Adjacency& ring = graph.topology.ring;
   EdgeWeighting result;
@@ -87,7 +115,7 @@ EdgeWeighting edge_weights(const PlanarMesh& mesh, const PlanarGraph& graph, Edg
 
 ArapSystem::ArapSystem(const PlanarMesh& mesh, const PlanarGraph& graph,
                        const std::vector<double>& weights, const VectorXd& vertex_weights,
-                       const LinearConstraints& constraints)
+                       const LinearConstraints& constraints, const RunControl& run)
     : triangles_(mesh.triangles), plain_rest_(mesh.points), constraints_(constraints) {
   const Adjacency& ring = graph.topology.ring;
   const Index num_vertices = mesh.points.rows();
@@ -109,6 +137,11 @@ ArapSystem::ArapSystem(const PlanarMesh& mesh, const PlanarGraph& graph,
       if (edge_weight_.back() != 1.0) is_uniform_ = false;
     }
     offset_.push_back(static_cast<std::int32_t>(neighbor_.size()));
+  }
+  size_.setZero(num_vertices);
+  for (Index i = 0; i < num_vertices; ++i) {
+    for (std::int32_t k = offset_[at(i)]; k < offset_[at(i) + 1]; ++k)
+      size_[i] += edge_weight_[at(k)] * (rest_.row(neighbor_[at(k)]) - rest_.row(i)).squaredNorm();
   }
 
   place_of_vertex_.setConstant(num_vertices, -1);
@@ -141,7 +174,7 @@ ArapSystem::ArapSystem(const PlanarMesh& mesh, const PlanarGraph& graph,
   }
   Eigen::SparseMatrix<double> lower(num_free, num_free);
   lower.setFromTriplets(entries.begin(), entries.end());
-  factor_ = PairFactor<double>(lower);
+  factor_ = PairFactor(lower, run);
   for (Index v = 0; v < num_vertices; ++v) {
     if (place_of_vertex_[v] >= 0) place_of_vertex_[v] = factor_.place()[place_of_vertex_[v]];
   }
@@ -166,51 +199,52 @@ void ArapSystem::load(const Points2& q, std::vector<Node>& nodes) const {
   parallel_for(0, q.rows(), kGrain, [&](Index first, Index last) {
     for (Index i = first; i < last; ++i) {
       Node& node = nodes[at(i)];
-      node.px = rest_(i, 0);
-      node.py = rest_(i, 1);
-      node.qx = q(order_[i], 0);
-      node.qy = q(order_[i], 1);
+      node.p = Pair{rest_(i, 0), rest_(i, 1)};
+      node.q = Pair{q(order_[i], 0), q(order_[i], 1)};
       node.w = vertex_weight_[i];
     }
   });
 }
 
-// The edge between two vertices of a shape at rest (p) and deformed (q).
-struct EdgePair {
-  double px, py, qx, qy;
-};
-
-template <class Node>
-EdgePair edge_between(const Node& from, const Node& to) {
-  return {to.px - from.px, to.py - from.py, to.qx - from.qx, to.qy - from.qy};
-}
-
-// Eq. 7.16 as complex numbers: R_n is the direction of sum w conj(p-hat) q-hat.
+// Eq. 7.16 as complex numbers: R_n is the direction of sum w conj(p-hat) q-hat. The sums of a few
+// vertices come first and the roots after them, two at a time: one root would wait for another.
 template <bool kUniform>
 void ArapSystem::rotate_range(std::vector<Node>& nodes, Index first, Index last) const {
-  for (Index n = first; n < last; ++n) {
-    Node& node = nodes[at(n)];
-    double x = 0.0;
-    double y = 0.0;
-    double pp = 0.0;
-    double qq = 0.0;
-    for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i) {
-      const Node& other = nodes[at(neighbor_[at(i)])];
-      const double w = kUniform ? 1.0 : edge_weight_[at(i)];
-      const auto [px, py, qx, qy] = edge_between(node, other);
-      x += w * (px * qx + py * qy);
-      y += w * (px * qy - py * qx);
-      pp += w * (px * px + py * py);
-      qq += w * (qx * qx + qy * qy);
+  constexpr Index kBatch = 32;
+  std::array<Pair, kBatch> direction{};
+  std::array<double, kBatch> square{};
+  for (Index begin = first; begin < last; begin += kBatch) {
+    const Index count = std::min(kBatch, last - begin);
+    for (Index k = 0; k < count; ++k) {
+      const Index n = begin + k;
+      const Pair here_p = nodes[at(n)].p;
+      const Pair here_q = nodes[at(n)].q;
+      Pair along{};   // of px qx and py qy
+      Pair across{};  // of px qy and py qx
+      Pair qq{};
+      for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i) {
+        const Node& other = nodes[at(neighbor_[at(i)])];
+        const double w = kUniform ? 1.0 : edge_weight_[at(i)];
+        const Pair q = other.q - here_q;
+        const Pair p = kUniform ? other.p - here_p : w * (other.p - here_p);
+        qq += kUniform ? q * q : w * (q * q);
+        along += p * q;
+        across += p * swapped(q);
+      }
+      const double x = along[0] + along[1];
+      const double y = across[0] - across[1];
+      const double length = x * x + y * y;
+      const bool is_turned =
+          length > kNoTurn * kNoTurn * size_[n] * (qq[0] + qq[1]) && length != 0.0;
+      direction[at(k)] = is_turned ? Pair{x, y} : Pair{1.0, 0.0};
+      square[at(k)] = is_turned ? length : 1.0;
     }
-    const double square = x * x + y * y;
-    if (square <= kNoTurn * kNoTurn * pp * qq || square == 0.0) {
-      node.cosine = node.w;
-      node.sine = 0.0;
-    } else {
-      const double scale = node.w / std::sqrt(square);
-      node.cosine = scale * x;
-      node.sine = scale * y;
+    for (Index k = 0; k < count; k += 2) {
+      const Index other = std::min(k + 1, count - 1);
+      const Pair w{nodes[at(begin + k)].w, nodes[at(begin + other)].w};
+      const Pair scale = w / root(Pair{square[at(k)], square[at(other)]});
+      nodes[at(begin + k)].turn = scale[0] * direction[at(k)];
+      nodes[at(begin + other)].turn = scale[k < other ? 1 : 0] * direction[at(other)];
     }
   }
 }
@@ -231,26 +265,24 @@ double ArapSystem::residual_range(const std::vector<Node>& nodes, Points2* gradi
                                   Index last) const {
   double energy = 0.0;
   for (Index n = first; n < last; ++n) {
-    const Node& node = nodes[at(n)];
-    double gx = 0.0;
-    double gy = 0.0;
-    double cell = 0.0;
+    const Node node = nodes[at(n)];
+    Pair sum{};
+    Pair cell{};
     for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i) {
       const Node& other = nodes[at(neighbor_[at(i)])];
-      const double w = kUniform ? 1.0 : edge_weight_[at(i)];
-      const auto [px, py, qx, qy] = edge_between(node, other);
-      const double ex = node.w * qx - (node.cosine * px - node.sine * py);
-      const double ey = node.w * qy - (node.sine * px + node.cosine * py);
-      cell += w * (ex * ex + ey * ey);
-      if (kGradient) {
-        gx += w * (ex + (other.w * qx - (other.cosine * px - other.sine * py)));
-        gy += w * (ey + (other.w * qy - (other.sine * px + other.cosine * py)));
-      }
+      const Pair p = other.p - node.p;
+      const Pair q = other.q - node.q;
+      const Pair left = Pair{-1.0, 1.0} * swapped(p);  // a quarter turn from x towards y
+      const Pair own = node.w * q - (node.turn[0] * p + node.turn[1] * left);
+      cell += kUniform ? own * own : edge_weight_[at(i)] * (own * own);
+      if (!kGradient) continue;
+      const Pair both = own + (other.w * q - (other.turn[0] * p + other.turn[1] * left));
+      sum += kUniform ? both : edge_weight_[at(i)] * both;
     }
-    energy += cell / node.w;
+    energy += (cell[0] + cell[1]) / node.w;
     if (kGradient) {
-      (*gradient)(n, 0) = gx;
-      (*gradient)(n, 1) = gy;
+      (*gradient)(n, 0) = sum[0];
+      (*gradient)(n, 1) = sum[1];
     }
   }
   return energy;
@@ -317,7 +349,7 @@ Points2 ArapSystem::rotations(const Points2& q) const {
   Points2 result(q.rows(), 2);
   for (Index i = 0; i < q.rows(); ++i) {
     const Node& node = nodes[at(i)];
-    result.row(order_[i]) << node.cosine / node.w, node.sine / node.w;
+    result.row(order_[i]) << node.turn[0] / node.w, node.turn[1] / node.w;
   }
   return result;
 }
@@ -328,12 +360,9 @@ VectorXd ArapSystem::residuals(const Points2& q) const {
   rotate(nodes);
   VectorXd result = VectorXd::Zero(q.rows());
   for (Index n = 0; n < q.rows(); ++n) {
-    double size = 0.0;
-    for (std::int32_t i = offset_[at(n)]; i < offset_[at(n) + 1]; ++i)
-      size += edge_weight_[at(i)] * (rest_.row(neighbor_[at(i)]) - rest_.row(n)).squaredNorm();
-    if (size == 0.0) continue;
+    if (size_[n] == 0.0) continue;
     result[order_[n]] =
-        residual_range<false, false>(nodes, nullptr, n, n + 1) / (nodes[at(n)].w * size);
+        residual_range<false, false>(nodes, nullptr, n, n + 1) / (nodes[at(n)].w * size_[n]);
   }
   return result;
 }

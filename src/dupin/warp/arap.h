@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "dupin/base/run_control.h"
 #include "dupin/mesh/topology.h"
 #include "dupin/warp/linear_constraints.h"
 #include "dupin/warp/pair_factor.h"
@@ -36,9 +37,11 @@ class ArapSystem {
   /// @param weights     w_nk as edge_weights() gives them
   /// @param vertex_weights #V, w_n > 0
   /// @param constraints what is held; every component needs one
-  /// @throws Error E_NOT_CONVERGED if a component has no constraint. Cost: one sparse Cholesky.
+  /// @throws Error E_NOT_CONVERGED if a component has no constraint, E_INTERRUPTED if cancelled.
+  /// Cost: one sparse Cholesky.
   ArapSystem(const PlanarMesh& mesh, const PlanarGraph& graph, const std::vector<double>& weights,
-             const Eigen::VectorXd& vertex_weights, const LinearConstraints& constraints);
+             const Eigen::VectorXd& vertex_weights, const LinearConstraints& constraints,
+             const RunControl& run = {});
 
   /// One iteration on `q` (#V by 2), which must meet the constraints and goes on meeting them:
   /// best rotations, then best places. Returns E of `q` as it came, with the best rotations.
@@ -64,13 +67,7 @@ class ArapSystem {
   Eigen::Index num_factor_entries() const { return factor_.num_entries(); }
 
  private:
-  // All of a vertex in one cache line: the loops gather neighbours.
-  struct alignas(64) Node {
-    double px, py, qx, qy;
-    double cosine, sine;  // times w_n
-    double w;
-    double unused;
-  };
+  struct Node;
 
   void load(const Points2& q, std::vector<Node>& nodes) const;
   void rotate(std::vector<Node>& nodes) const;
@@ -90,9 +87,10 @@ class ArapSystem {
   std::vector<std::int32_t> neighbor_;  // in the new order
   std::vector<double> edge_weight_;     // aligned with neighbor_
   bool is_uniform_ = true;
+  Eigen::VectorXd size_;           // sum w_nk |p_k - p_n|^2, in the new order
   Eigen::VectorXd vertex_weight_;  // in the new order
   LinearConstraints constraints_;
-  PairFactor<double> factor_;
+  PairFactor factor_;
   Eigen::VectorXi place_;            // #V: place in the factor of the vertex at place i, or -1
   Eigen::VectorXi place_of_vertex_;  // the same by vertex of the mesh
   Eigen::Matrix<double, Eigen::Dynamic, 3> face_edge_weight_;  // #F by 3: W_e / faces(e)

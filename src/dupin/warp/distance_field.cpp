@@ -17,18 +17,16 @@ struct Box {
   int bottom = 0;
 };
 
-Box box_of(const PixelRuns& runs, const std::vector<bool>& is_kept) {
-  Box box{runs.width, runs.height, 0, 0};
-  for (int y = 0; y < runs.height; ++y) {
-    for (std::int32_t r = runs.row_begin[static_cast<std::size_t>(y)];
-         r < runs.row_begin[static_cast<std::size_t>(y) + 1]; ++r) {
-      const PixelRun& run = runs.runs[static_cast<std::size_t>(r)];
-      if (!is_kept[static_cast<std::size_t>(run.part)]) continue;
-      box.left = std::min(box.left, static_cast<int>(run.begin));
-      box.right = std::max(box.right, static_cast<int>(run.end));
-      box.top = std::min(box.top, y);
-      box.bottom = std::max(box.bottom, y + 1);
-    }
+Box box_of(int width, int height, const ShapeRow& shape) {
+  Box box{width, height, 0, 0};
+  std::vector<PixelRun> runs;
+  for (int y = 0; y < height; ++y) {
+    shape(y, runs);
+    if (runs.empty()) continue;
+    box.left = std::min(box.left, static_cast<int>(runs.front().begin));
+    box.right = std::max(box.right, static_cast<int>(runs.back().end));
+    box.top = std::min(box.top, y);
+    box.bottom = y + 1;
   }
   return box;
 }
@@ -85,11 +83,9 @@ class RowEnvelope {
 
 }  // namespace
 
-DistanceField distance_to_border(const PixelRuns& runs, const std::vector<std::int32_t>& parts,
+DistanceField distance_to_border(int width_of_picture, int height_of_picture, const ShapeRow& shape,
                                  double expansion) {
-  std::vector<bool> is_kept(runs.parts.size(), false);
-  for (const std::int32_t part : parts) is_kept[static_cast<std::size_t>(part)] = true;
-  const Box box = box_of(runs, is_kept);
+  const Box box = box_of(width_of_picture, height_of_picture, shape);
   const int margin = static_cast<int>(std::ceil(expansion)) + 2;
   const int limit = margin;  // columns further away do not matter
   DistanceField field;
@@ -100,12 +96,11 @@ DistanceField distance_to_border(const PixelRuns& runs, const std::vector<std::i
   const auto width = static_cast<std::size_t>(field.width);
   const auto far = static_cast<std::uint16_t>(limit + 1);
   std::vector<std::uint16_t> column(width * static_cast<std::size_t>(field.height), far);
+  std::vector<PixelRun> runs;
   for (int y = box.top; y < box.bottom; ++y) {
     std::uint16_t* const row = column.data() + width * static_cast<std::size_t>(y - field.origin_y);
-    for (std::int32_t r = runs.row_begin[static_cast<std::size_t>(y)];
-         r < runs.row_begin[static_cast<std::size_t>(y) + 1]; ++r) {
-      const PixelRun& run = runs.runs[static_cast<std::size_t>(r)];
-      if (!is_kept[static_cast<std::size_t>(run.part)]) continue;
+    shape(y, runs);
+    for (const PixelRun& run : runs) {
       std::fill(row + (run.begin - field.origin_x), row + (run.end - field.origin_x),
                 std::uint16_t{0});
     }

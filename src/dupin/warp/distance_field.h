@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "dupin/warp/pixel_runs.h"
@@ -17,12 +18,14 @@ struct DistanceField {
       value;  ///< expansion + 0.5 less the distance to the nearest inside centre [px]
 };
 
+/// Replaces `runs` by those of the pixels of the shape in row y.
+using ShapeRow = std::function<void(std::int32_t y, std::vector<PixelRun>& runs)>;
+
 /// How far inside the shape grown by `expansion` each pixel centre lies; the border of the shape is
 /// taken half a pixel beyond the centres of its pixels. Negative values further out than two pixels
-/// are cut off. The parts in `parts` are the shape.
+/// are cut off. `shape` is that of a picture of width by height pixels and has some.
 /// Cost: O(pixels of the box) time, 6 bytes a pixel. Exact distances, after Felzenszwalb and
 /// Huttenlocher (2012), columns first.
-DistanceField distance_to_border(const PixelRuns& runs, const std::vector<std::int32_t>& parts,
-                                 double expansion);
+DistanceField distance_to_border(int width, int height, const ShapeRow& shape, double expansion);
 
 }  // namespace dupin::detail

@@ -62,7 +62,8 @@ bool relative_theta(const MlsWarpOptions& options, const VectorXd& weights, doub
 
 MlsWarp::MlsWarp(const Points2& rest, const Points2& sources,
                  const std::vector<ControlSample>& samples, const VectorXd& weights,
-                 const MatrixXd& distances, const VectorXd& radius, const MlsWarpOptions& options)
+                 const MatrixXd& distances, const VectorXd& radius, const MlsWarpOptions& options,
+                 const RunControl& run)
     : options_(options),
       num_vertices_(rest.rows()),
       num_controls_(sources.rows()),
@@ -105,9 +106,12 @@ MlsWarp::MlsWarp(const Points2& rest, const Points2& sources,
   table_.assign(at(num_blocks * num_controls_ * 3 * kBlock), 0.0);
   const double floor_px = std::max(kNearest * diagonal, 1e-300);
   parallel_for(0, num_vertices_, 256, [&](Index first, Index last) {
-    for (Index v = first; v < last; ++v)
+    for (Index v = first; v < last; ++v) {
+      if (v % 256 == 0 && run.cancelled()) return;
       precompute_vertex(v, rest_, places, samples, weights, distances, floor_px, scale_px);
+    }
   });
+  run.throw_if_cancelled();
 }
 
 void MlsWarp::precompute_vertex(Index v, const Points2& rest, const Points2& places,

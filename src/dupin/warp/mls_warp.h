@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "dupin/base/run_control.h"
 #include "dupin/warp/planar_mesh.h"
 
 namespace dupin {
@@ -48,10 +49,11 @@ class MlsWarp {
   ///   vertex takes the target of the sample (erratum E-42)
   /// @param radius    #M lengths [px]: how much of a shape takes part in the rotation of a control
   /// @throws InvalidArgument if sizes do not fit, an index or option is out of range, a number is
-  ///   NaN. Cost: O(V S).
+  ///   NaN; Error E_INTERRUPTED if cancelled. Cost: O(V S).
   MlsWarp(const Points2& rest, const Points2& sources, const std::vector<ControlSample>& samples,
           const Eigen::VectorXd& weights, const Eigen::MatrixXd& distances,
-          const Eigen::VectorXd& radius, const MlsWarpOptions& options = {});
+          const Eigen::VectorXd& radius, const MlsWarpOptions& options = {},
+          const RunControl& run = {});
 
   /// Vertices for controls at `targets` (#M by 2) [px]. `rotations` [rad, from x to y] has #M
   /// entries or none; a NaN entry means that the control does not say. Vertices that no sample

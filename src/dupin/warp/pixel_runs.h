@@ -2,7 +2,7 @@
 
 // Parts of a binary picture as runs of pixels, and the loops around them.
 
-#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -12,35 +12,57 @@ namespace dupin::detail {
 struct PixelRun {
   std::int32_t begin = 0;
   std::int32_t end = 0;
-  std::int32_t part = 0;  ///< of PixelRuns::parts
 };
 
 /// A 4-connected part.
 struct PixelPart {
-  std::int64_t num_pixels = 0;
-  std::int32_t first_run = 0;
-  bool is_thin = true;  ///< no block of 2 by 2 pixels is inside
+  std::int32_t num_pixels = 0;  ///< at most 32768^2
+  bool is_thin = true;          ///< no block of 2 by 2 pixels is inside
 };
 
-struct PixelRuns {
-  int width = 0;
-  int height = 0;
-  std::vector<PixelRun> runs;
-  std::vector<std::int32_t> row_begin;  ///< height + 1: first run of each row
+/// Which part each run of a picture belongs to. The runs themselves are found again in the rows
+/// when they are wanted: of a noisy picture they would take as much memory as the picture.
+struct PixelParts {
+  std::vector<std::int32_t> row_begin;  ///< height + 1: number of the first run of each row
+  std::vector<std::int32_t> of_run;     ///< part of each run
   std::vector<PixelPart> parts;         ///< in the order of their first pixels
 };
 
-/// Joins runs of neighbouring rows; `runs` and `row_begin` are there, the rest is filled in.
-void join_runs(PixelRuns& runs);
+/// Joins the runs of one row after the other to parts (union-find).
+class PartJoiner {
+ public:
+  explicit PartJoiner(std::int32_t height);
+  void add_row(const std::vector<PixelRun>& row);
+  /// All parts, still without their sizes.
+  PixelParts finish();
 
-/// The run that holds inside pixel (x, y).
-inline std::int32_t run_at(const PixelRuns& runs, std::int32_t x, std::int32_t y) {
-  const auto* const first = runs.runs.data() + runs.row_begin[static_cast<std::size_t>(y)];
-  const auto* const last = runs.runs.data() + runs.row_begin[static_cast<std::size_t>(y) + 1];
-  const auto* const after = std::upper_bound(
-      first, last, x, [](std::int32_t value, const PixelRun& run) { return value < run.begin; });
-  return static_cast<std::int32_t>(after - runs.runs.data()) - 1;
-}
+ private:
+  PixelParts result_;  // of_run: an earlier run of the same part, or the run itself
+  std::vector<PixelRun> above_;
+  std::vector<bool> is_thick_;  // by run
+};
+
+/// A bit for every pixel.
+class PixelBits {
+ public:
+  PixelBits(std::int32_t width, std::int32_t height)
+      : width_(width), bits_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {}
+  bool holds(std::int32_t x, std::int32_t y) const { return bits_[place(x, y)]; }
+  /// False if it was set before.
+  bool set(std::int32_t x, std::int32_t y) {
+    if (bits_[place(x, y)]) return false;
+    bits_[place(x, y)] = true;
+    return true;
+  }
+
+ private:
+  std::size_t place(std::int32_t x, std::int32_t y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(x);
+  }
+  std::int32_t width_;
+  std::vector<bool> bits_;
+};
 
 /// One side of an inside pixel behind which lies an outside pixel, passed with the inside on the
 /// right as the picture is looked at.

@@ -20,7 +20,8 @@ using Eigen::Vector2d;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Two triangles of a rectangle have one circle: of those the nearer goes first.
 constexpr double kNearer = 1e-7;
-constexpr double kSight = 1e-12;  // sine of the angle by which a ray may miss what it grazes
+constexpr double kSight = 1e-12;    // sine of the angle by which a ray may miss what it grazes
+constexpr int kTurnsAtOnce = 4096;  // of a loop, until the run is looked at again
 
 using Reached = std::pair<double, std::int32_t>;
 using NearestFirst = std::priority_queue<Reached, std::vector<Reached>, std::greater<>>;
@@ -104,9 +105,10 @@ std::vector<Vector2d> gaps(const PlanarMesh& mesh, const PlanarGraph& graph, Ind
 // Straight lines of sight from one point after the other. In the plane nothing has to be unfolded.
 class Sight {
  public:
-  Sight(const PlanarMesh& mesh, const PlanarGraph& graph)
+  Sight(const PlanarMesh& mesh, const PlanarGraph& graph, const RunControl& run)
       : mesh_(mesh),
         graph_(graph),
+        run_(run),
         distance_(Eigen::VectorXd::Constant(mesh.points.rows(), kInfinity)),
         parent_(Points2::Zero(mesh.points.rows(), 2)),
         first_cone_(static_cast<std::size_t>(mesh.triangles.rows()), -1) {}
@@ -114,6 +116,7 @@ class Sight {
   Eigen::VectorXd run(const MeshPoint& source) {
     start(source);
     while (!bends_.empty()) {
+      heed_run();
       const auto [length, v] = bends_.top();
       bends_.pop();
       if (length <= distance_[v]) turn_around(v);
@@ -240,6 +243,7 @@ class Sight {
 
   void propagate() {
     while (!waiting_.empty()) {
+      heed_run();
       const std::int32_t f = waiting_.top().second;
       waiting_.pop();
       std::int32_t i = std::exchange(first_cone_[static_cast<std::size_t>(f)], -1);
@@ -262,20 +266,36 @@ class Sight {
     }
   }
 
+  double way_over(Index v, std::int32_t k) const {
+    return distance_[v] + (mesh_.points.row(k) - mesh_.points.row(v)).norm();
+  }
+  bool is_shorter(double way, std::int32_t k) const { return way < distance_[k] * (1.0 - 1e-12); }
+  bool can_shorten(Index v) const {
+    return std::any_of(graph_.topology.ring.begin(v), graph_.topology.ring.end(v),
+                       [&](std::int32_t k) { return is_shorter(way_over(v, k), k); });
+  }
+
+  void heed_run() {
+    if (++num_turns_ % kTurnsAtOnce == 0) run_.throw_if_cancelled();
+  }
+
   // Flipped triangles and those without area stop a cone; paths along edges lead past them.
   void close_gaps() {
     NearestFirst queue;
     for (Index v = 0; v < distance_.size(); ++v) {
-      if (distance_[v] < kInfinity) queue.emplace(distance_[v], static_cast<std::int32_t>(v));
+      heed_run();
+      if (distance_[v] < kInfinity && can_shorten(v))
+        queue.emplace(distance_[v], static_cast<std::int32_t>(v));
     }
     while (!queue.empty()) {
+      heed_run();
       const auto [length, v] = queue.top();
       queue.pop();
       if (length > distance_[v]) continue;
       for (const std::int32_t* k = graph_.topology.ring.begin(v); k != graph_.topology.ring.end(v);
            ++k) {
-        const double way = length + (mesh_.points.row(*k) - mesh_.points.row(v)).norm();
-        if (way < distance_[*k] * (1.0 - 1e-12)) {
+        const double way = way_over(v, *k);
+        if (is_shorter(way, *k)) {
           distance_[*k] = way;
           queue.emplace(way, *k);
         }
@@ -285,6 +305,8 @@ class Sight {
 
   const PlanarMesh& mesh_;
   const PlanarGraph& graph_;
+  const RunControl& run_;
+  unsigned num_turns_ = 0;
   Eigen::VectorXd distance_;
   Points2 parent_;                        // where the last straight piece of the path begins
   std::vector<std::int32_t> first_cone_;  // of every triangle, into pool_
@@ -329,11 +351,13 @@ Eigen::VectorXd edge_distances(const PlanarMesh& mesh, const PlanarGraph& graph,
 }  // namespace
 
 Eigen::VectorXd geodesic_distances(const PlanarMesh& mesh, const PlanarGraph& graph,
-                                   const MeshPoint& source, GeodesicMethod method) {
+                                   const MeshPoint& source, GeodesicMethod method,
+                                   const RunControl& run) {
   if (source.triangle < 0 || source.triangle >= mesh.triangles.rows())
     throw InvalidArgument("the source of the distances is on no triangle");
+  run.throw_if_cancelled();
   if (method == GeodesicMethod::edges) return edge_distances(mesh, graph, source);
-  return Sight(mesh, graph).run(source);
+  return Sight(mesh, graph, run).run(source);
 }
 
 }  // namespace dupin

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "dupin/base/run_control.h"
 #include "dupin/warp/planar_graph.h"
 #include "dupin/warp/planar_mesh.h"
 
@@ -18,9 +19,11 @@ enum class GeodesicMethod {
 /// corner of the border that the cones turn around, nearest first; a vertex that no cone reaches
 /// because triangles are flipped or have no area gets the shortest way over its neighbours.
 /// Cost: O(F log F) for each part of the shape that one corner sees first.
-/// @throws InvalidArgument if the source is not on a triangle of the mesh
+/// @throws InvalidArgument if the source is not on a triangle of the mesh; Error E_INTERRUPTED if
+///   cancelled
 Eigen::VectorXd geodesic_distances(const PlanarMesh& mesh, const PlanarGraph& graph,
                                    const MeshPoint& source,
-                                   GeodesicMethod method = GeodesicMethod::exact);
+                                   GeodesicMethod method = GeodesicMethod::exact,
+                                   const RunControl& run = {});
 
 }  // namespace dupin

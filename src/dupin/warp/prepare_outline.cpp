@@ -10,6 +10,7 @@
 #include "dupin/base/error.h"
 #include "dupin/warp/edge_crossings.h"
 #include "dupin/warp/grid_outline.h"
+#include "dupin/warp/loop_nesting.h"
 
 namespace dupin {
 namespace {
@@ -290,39 +291,6 @@ class Sampler {
   std::vector<double> along_;       // arc length at each
   std::vector<Sample> samples_;
 };
-
-// Per loop the others around it, ascending; loops do not meet, so one corner tells.
-std::vector<std::vector<std::size_t>> loops_around(
-    const std::vector<std::vector<GridPoint>>& loops) {
-  struct Box {
-    GridPoint low, high;
-  };
-  std::vector<Box> boxes;
-  for (const std::vector<GridPoint>& loop : loops) {
-    Box box{loop.front(), loop.front()};
-    for (const GridPoint p : loop) {
-      box.low = {std::min(box.low.x, p.x), std::min(box.low.y, p.y)};
-      box.high = {std::max(box.high.x, p.x), std::max(box.high.y, p.y)};
-    }
-    boxes.push_back(box);
-  }
-  const auto is_in = [&](GridPoint p, std::size_t m) {
-    const Box& box = boxes[m];
-    if (p.x < box.low.x || p.x > box.high.x || p.y < box.low.y || p.y > box.high.y) return false;
-    bool is_inside = false;
-    for (std::size_t i = 0; i < loops[m].size(); ++i) {
-      const GridPoint a = loops[m][i], b = loops[m][(i + 1) % loops[m].size()];
-      if ((a.y <= p.y) != (b.y <= p.y) && (orientation(a, b, p) > 0) == (b.y > a.y))
-        is_inside = !is_inside;
-    }
-    return is_inside;
-  };
-  std::vector<std::vector<std::size_t>> around(loops.size());
-  for (std::size_t l = 0; l < loops.size(); ++l)
-    for (std::size_t m = 0; m < loops.size(); ++m)
-      if (m != l && is_in(loops[l].front(), m)) around[l].push_back(m);
-  return around;
-}
 
 class Preparer {
  public:

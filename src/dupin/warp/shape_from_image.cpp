@@ -1,9 +1,12 @@
 #include "dupin/warp/shape_from_image.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string>
+#include <type_traits>
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
@@ -14,9 +17,9 @@ namespace dupin {
 namespace {
 
 using detail::BorderStep;
-using detail::PixelPart;
+using detail::PixelBits;
+using detail::PixelParts;
 using detail::PixelRun;
-using detail::PixelRuns;
 using Eigen::Index;
 
 // Corners stay this far from the pixel centres, so that loops never meet there [px].
@@ -53,10 +56,10 @@ class AlphaField {
         alpha_ + 4 * static_cast<std::size_t>(width_) * static_cast<std::size_t>(y);
     std::int32_t x = 0;
     while (x < width_) {
-      while (x < width_ && row[4 * x] < least_) ++x;
+      x = end_of_state(row, x, false);
       const std::int32_t begin = x;
-      while (x < width_ && row[4 * x] >= least_) ++x;
-      if (x > begin) runs.push_back({begin, x, 0});
+      x = end_of_state(row, x, true);
+      if (x > begin) runs.push_back({begin, x});
     }
   }
   bool is_opaque() const {
@@ -73,6 +76,32 @@ class AlphaField {
     return alpha_[4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
                        static_cast<std::size_t>(x))];
   }
+  // The first pixel from x on that is not inside, or that is, or the end of the row.
+  std::int32_t end_of_state(const T* row, std::int32_t x, bool is_inside) const {
+    const std::int32_t in_a_block = is_inside ? kBlock : 0;
+    while (x + kBlock <= width_ && count_inside(row + 4 * x) == in_a_block) x += kBlock;
+    while (x < width_ && (row[4 * x] >= least_) == is_inside) ++x;
+    return x;
+  }
+  // Of kBlock pixels. Alpha is the top of a pixel read as one number, so that whole pixels can be
+  // compared, several at once.
+  std::int32_t count_inside(const T* alpha) const {
+    std::int32_t count = 0;
+    if constexpr (std::endian::native == std::endian::little) {
+      using Pixel = std::conditional_t<sizeof(T) == 1, std::uint32_t, std::uint64_t>;
+      const Pixel least = static_cast<Pixel>(Pixel{least_} << (24U * sizeof(T)));
+      for (std::int32_t i = 0; i < kBlock; ++i) {
+        Pixel pixel = 0;
+        std::memcpy(&pixel, alpha - 3 + 4 * i, sizeof(Pixel));
+        count += pixel >= least ? 1 : 0;
+      }
+    } else {
+      for (std::int32_t i = 0; i < kBlock; ++i) count += alpha[4 * i] >= least_ ? 1 : 0;
+    }
+    return count;
+  }
+
+  static constexpr std::int32_t kBlock = 32;  // pixels that are looked at together
   const T* alpha_;
   int width_;
   int height_;
@@ -98,7 +127,7 @@ class ExpandedField {
       while (x < field_.width && !(at(x, y) > 0.0F)) ++x;
       const std::int32_t begin = x;
       while (x < field_.width && at(x, y) > 0.0F) ++x;
-      if (x > begin) runs.push_back({begin, x, 0});
+      if (x > begin) runs.push_back({begin, x});
     }
   }
 
@@ -111,49 +140,78 @@ class ExpandedField {
 };
 
 template <class Field>
-PixelRuns find_runs(const Field& field, const RunControl& run) {
-  PixelRuns runs;
-  runs.width = field.width();
-  runs.height = field.height();
-  runs.row_begin.reserve(static_cast<std::size_t>(runs.height) + 1);
-  runs.row_begin.push_back(0);
-  for (std::int32_t y = 0; y < runs.height && !run.cancelled(); ++y) {
-    field.add_runs(y, runs.runs);
-    runs.row_begin.push_back(static_cast<std::int32_t>(runs.runs.size()));
+void find_row(const Field& field, std::int32_t y, std::vector<PixelRun>& row) {
+  row.clear();
+  field.add_runs(y, row);
+}
+
+template <class Field>
+PixelParts find_parts(const Field& field, const RunControl& run) {
+  detail::PartJoiner joiner(field.height());
+  std::vector<PixelRun> row;
+  for (std::int32_t y = 0; y < field.height() && !run.cancelled(); ++y) {
+    find_row(field, y, row);
+    joiner.add_row(row);
   }
-  if (!run.cancelled()) detail::join_runs(runs);
-  return runs;
+  if (run.cancelled()) return {};
+  PixelParts parts = joiner.finish();
+  std::size_t number = 0;
+  for (std::int32_t y = 0; y < field.height() && !run.cancelled(); ++y) {
+    find_row(field, y, row);
+    for (const PixelRun& pixels : row) {
+      const auto part = static_cast<std::size_t>(parts.of_run[number++]);
+      parts.parts[part].num_pixels += pixels.end - pixels.begin;
+    }
+  }
+  return parts;
 }
 
 /// Follows the borders of chosen parts.
 template <class Field>
 class Tracer {
  public:
-  Tracer(const Field& field, const PixelRuns& runs, const ShapeOptions& options)
-      : field_(field), runs_(runs), options_(options), is_visited_(runs.runs.size(), false) {}
+  Tracer(const Field& field, const PixelParts& all, const ShapeOptions& options)
+      : field_(field),
+        all_(all),
+        options_(options),
+        is_visited_(field.width(), field.height()),
+        is_contact_(0, 0) {}
 
-  /// Adds the loops of `parts` (indices into runs.parts) to `shape`, in that order.
+  /// Adds the loops of `parts` (indices into all.parts) to `shape`, in that order.
   void trace(const std::vector<std::int32_t>& parts, ImageShape& shape, const RunControl& run);
 
  private:
+  struct Loop {
+    Points2 corners;
+    double area = 0.0;
+  };
   struct Hole {
     std::int32_t component;
-    Points2 loop;
+    Loop loop;
   };
   /// Fills corners_ and returns the number of pixels inside the loop, negative for a hole.
-  std::int64_t follow(std::int32_t run_index, std::int32_t y);
+  std::int64_t follow(std::int32_t x, std::int32_t y);
   void add_corner(const BorderStep& step, bool is_turn);
   void note_contact(const BorderStep& step, const BorderStep& next);
-  Points2 loop() const {
-    return Eigen::Map<const Points2>(corners_.data(), static_cast<Index>(corners_.size() / 2), 2);
+  Loop loop() const {
+    Loop result;
+    result.corners =
+        Eigen::Map<const Points2>(corners_.data(), static_cast<Index>(corners_.size() / 2), 2);
+    result.area = signed_area(result.corners);
+    if (!options_.keep_outline) result.corners.resize(0, 2);
+    return result;
   }
+  void keep(Loop& loop, std::int32_t number, ImageShape& shape) const;
+  void warn(std::int64_t num_closed, const std::string& first_closed, ImageShape& shape) const;
 
   const Field& field_;
-  const PixelRuns& runs_;
+  const PixelParts& all_;
   const ShapeOptions& options_;
-  std::vector<bool> is_visited_;  // the left end of each run
-  std::vector<double> corners_;   // x, y of the loop being followed
-  std::vector<std::int64_t> contacts_;
+  PixelBits is_visited_;         // the left end of each run
+  std::vector<double> corners_;  // x, y of the loop being followed
+  PixelBits is_contact_;         // the upper left corner of the pixel; empty until there is one
+  std::int64_t num_contacts_ = 0;
+  std::int64_t first_contact_ = std::numeric_limits<std::int64_t>::max();
 };
 
 template <class Field>
@@ -181,12 +239,17 @@ void Tracer<Field>::note_contact(const BorderStep& step, const BorderStep& next)
   const std::int32_t x = step.x + detail::kOutwardX[step.side] + detail::kOutwardX[next.side];
   const std::int32_t y = step.y + detail::kOutwardY[step.side] + detail::kOutwardY[next.side];
   if (!field_.is_inside(x, y)) return;
-  contacts_.push_back(std::int64_t{std::max(step.y, y)} * runs_.width + std::max(step.x, x));
+  const std::int32_t corner_x = std::max(step.x, x);
+  const std::int32_t corner_y = std::max(step.y, y);
+  if (num_contacts_ == 0) is_contact_ = PixelBits(field_.width(), field_.height());
+  if (!is_contact_.set(corner_x, corner_y)) return;
+  ++num_contacts_;
+  first_contact_ = std::min(first_contact_, std::int64_t{corner_y} * field_.width() + corner_x);
 }
 
 template <class Field>
-std::int64_t Tracer<Field>::follow(std::int32_t run_index, std::int32_t y) {
-  const BorderStep first{runs_.runs[static_cast<std::size_t>(run_index)].begin, y, 0};
+std::int64_t Tracer<Field>::follow(std::int32_t x, std::int32_t y) {
+  const BorderStep first{x, y, 0};
   const auto is_inside = [&](std::int32_t px, std::int32_t py) { return field_.is_inside(px, py); };
   corners_.clear();
   std::int64_t num_pixels = 0;
@@ -194,7 +257,7 @@ std::int64_t Tracer<Field>::follow(std::int32_t run_index, std::int32_t y) {
   do {
     if (step.side == 0) {
       num_pixels -= step.x;
-      is_visited_[static_cast<std::size_t>(detail::run_at(runs_, step.x, step.y))] = true;
+      is_visited_.set(step.x, step.y);
     } else if (step.side == 2) {
       num_pixels += step.x + 1;
     }
@@ -207,25 +270,34 @@ std::int64_t Tracer<Field>::follow(std::int32_t run_index, std::int32_t y) {
 }
 
 template <class Field>
+void Tracer<Field>::keep(Loop& loop, std::int32_t number, ImageShape& shape) const {
+  shape.area += loop.area;
+  if (!options_.keep_outline) return;
+  shape.outline.loops.push_back(std::move(loop.corners));
+  shape.outline.component.push_back(number);
+}
+
+template <class Field>
 void Tracer<Field>::trace(const std::vector<std::int32_t>& parts, ImageShape& shape,
                           const RunControl& run) {
-  std::vector<std::int32_t> component(runs_.parts.size(), -1);
-  std::vector<Points2> outer(parts.size());
+  std::vector<std::int32_t> component(all_.parts.size(), -1);
+  std::vector<Loop> outer(parts.size());
   std::vector<Hole> holes;
   std::int64_t num_closed = 0;
   std::string first_closed;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     component[static_cast<std::size_t>(parts[i])] = static_cast<std::int32_t>(i);
     shape.part_areas.push_back(
-        static_cast<double>(runs_.parts[static_cast<std::size_t>(parts[i])].num_pixels));
+        static_cast<double>(all_.parts[static_cast<std::size_t>(parts[i])].num_pixels));
   }
-  for (std::int32_t y = 0; y < runs_.height && !run.cancelled(); ++y) {
-    const std::int32_t end = runs_.row_begin[static_cast<std::size_t>(y) + 1];
-    for (std::int32_t r = runs_.row_begin[static_cast<std::size_t>(y)]; r < end; ++r) {
-      const PixelRun& pixels = runs_.runs[static_cast<std::size_t>(r)];
-      const std::int32_t number = component[static_cast<std::size_t>(pixels.part)];
-      if (number < 0 || is_visited_[static_cast<std::size_t>(r)]) continue;
-      const std::int64_t enclosed = follow(r, y);
+  std::vector<PixelRun> row;
+  std::size_t run_number = 0;
+  for (std::int32_t y = 0; y < field_.height() && !run.cancelled(); ++y) {
+    find_row(field_, y, row);
+    for (const PixelRun& pixels : row) {
+      const std::int32_t number = component[static_cast<std::size_t>(all_.of_run[run_number++])];
+      if (number < 0 || is_visited_.holds(pixels.begin, y)) continue;
+      const std::int64_t enclosed = follow(pixels.begin, y);
       if (enclosed > 0) {
         outer[static_cast<std::size_t>(number)] = loop();
       } else if (options_.keep_holes &&
@@ -246,26 +318,25 @@ void Tracer<Field>::trace(const std::vector<std::int32_t>& parts, ImageShape& sh
   std::size_t hole = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const auto number = static_cast<std::int32_t>(i);
-    shape.outline.loops.push_back(std::move(outer[i]));
-    shape.outline.component.push_back(number);
-    for (; hole < holes.size() && holes[hole].component == number; ++hole) {
-      shape.outline.loops.push_back(std::move(holes[hole].loop));
-      shape.outline.component.push_back(number);
-    }
+    keep(outer[i], number, shape);
+    for (; hole < holes.size() && holes[hole].component == number; ++hole)
+      keep(holes[hole].loop, number, shape);
   }
+  warn(num_closed, first_closed, shape);
+}
+
+template <class Field>
+void Tracer<Field>::warn(std::int64_t num_closed, const std::string& first_closed,
+                         ImageShape& shape) const {
   if (num_closed > 0 && options_.keep_holes) {
     shape.warnings.add("W_HOLE_CLOSED", "beside " + first_closed,
                        "holes below the minimum area were closed", num_closed);
   }
-  std::sort(contacts_.begin(), contacts_.end());
-  contacts_.erase(std::unique(contacts_.begin(), contacts_.end()), contacts_.end());
-  if (!contacts_.empty()) {
-    shape.warnings.add("W_NONMANIFOLD_VERTEX",
-                       "corner (" + std::to_string(contacts_[0] % runs_.width) + ", " +
-                           std::to_string(contacts_[0] / runs_.width) + ")",
-                       "pixels that meet only at a corner were kept apart",
-                       static_cast<std::int64_t>(contacts_.size()));
-  }
+  if (num_contacts_ == 0) return;
+  shape.warnings.add("W_NONMANIFOLD_VERTEX",
+                     "corner (" + std::to_string(first_contact_ % field_.width()) + ", " +
+                         std::to_string(first_contact_ / field_.width()) + ")",
+                     "pixels that meet only at a corner were kept apart", num_contacts_);
 }
 
 std::string in_range(const char* what, double value, const char* range) {
@@ -284,13 +355,13 @@ void validate(const ShapeOptions& options) {
 }
 
 /// Parts of the minimum area by falling size; only the first if so wanted. Says what it leaves out.
-std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions& options,
+std::vector<std::int32_t> choose_parts(const PixelParts& all, const ShapeOptions& options,
                                        ImageShape& shape) {
   std::vector<std::int32_t> chosen;
   std::int64_t largest = 0;
   std::int64_t num_specks = 0;
-  for (std::size_t i = 0; i < runs.parts.size(); ++i) {
-    const std::int64_t size = runs.parts[i].num_pixels;
+  for (std::size_t i = 0; i < all.parts.size(); ++i) {
+    const std::int64_t size = all.parts[i].num_pixels;
     largest = std::max(largest, size);
     if (static_cast<double>(size) >= options.minimum_area) {
       chosen.push_back(static_cast<std::int32_t>(i));
@@ -299,7 +370,7 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
       shape.left_out_area += static_cast<double>(size);
     }
   }
-  if (runs.parts.empty()) {
+  if (all.parts.empty()) {
     throw AnalysisError("E_EMPTY_SHAPE",
                         "no pixel has alpha above " + std::to_string(options.alpha_threshold));
   }
@@ -312,8 +383,8 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
   }
   shape.num_parts = static_cast<std::int64_t>(chosen.size());
   std::stable_sort(chosen.begin(), chosen.end(), [&](std::int32_t a, std::int32_t b) {
-    return runs.parts[static_cast<std::size_t>(a)].num_pixels >
-           runs.parts[static_cast<std::size_t>(b)].num_pixels;
+    return all.parts[static_cast<std::size_t>(a)].num_pixels >
+           all.parts[static_cast<std::size_t>(b)].num_pixels;
   });
   if (chosen.size() > 1) {
     const bool keeps_one = options.parts == ShapeParts::largest;
@@ -332,7 +403,7 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
                        num_specks);
   }
   const auto num_thin = std::count_if(chosen.begin(), chosen.end(), [&](std::int32_t part) {
-    return runs.parts[static_cast<std::size_t>(part)].is_thin;
+    return all.parts[static_cast<std::size_t>(part)].is_thin;
   });
   if (num_thin > 0) {
     shape.warnings.add("W_THIN_SHAPE", "a part", "nowhere two pixels wide", num_thin);
@@ -340,12 +411,12 @@ std::vector<std::int32_t> choose_parts(const PixelRuns& runs, const ShapeOptions
   return chosen;
 }
 
-std::vector<std::int32_t> by_falling_size(const PixelRuns& runs) {
-  std::vector<std::int32_t> order(runs.parts.size());
+std::vector<std::int32_t> by_falling_size(const PixelParts& all) {
+  std::vector<std::int32_t> order(all.parts.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::int32_t>(i);
   std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
-    return runs.parts[static_cast<std::size_t>(a)].num_pixels >
-           runs.parts[static_cast<std::size_t>(b)].num_pixels;
+    return all.parts[static_cast<std::size_t>(a)].num_pixels >
+           all.parts[static_cast<std::size_t>(b)].num_pixels;
   });
   return order;
 }
@@ -353,22 +424,34 @@ std::vector<std::int32_t> by_falling_size(const PixelRuns& runs) {
 template <class Field>
 void find_outline(const Field& field, const ShapeOptions& options, const RunControl& run,
                   ImageShape& shape) {
-  const PixelRuns runs = find_runs(field, run);
+  const PixelParts all = find_parts(field, run);
   run.report(0.3);
   if (run.cancelled()) return;
-  const std::vector<std::int32_t> parts = choose_parts(runs, options, shape);
+  const std::vector<std::int32_t> parts = choose_parts(all, options, shape);
   if (options.expansion_px <= 0.0) {
-    Tracer<Field>(field, runs, options).trace(parts, shape, run);
+    Tracer<Field>(field, all, options).trace(parts, shape, run);
     return;
   }
+  std::vector<bool> is_kept(all.parts.size(), false);
+  for (const std::int32_t part : parts) is_kept[static_cast<std::size_t>(part)] = true;
+  std::vector<PixelRun> every;
+  const auto kept_runs = [&](std::int32_t y, std::vector<PixelRun>& row) {
+    find_row(field, y, every);
+    row.clear();
+    auto number = static_cast<std::size_t>(all.row_begin[static_cast<std::size_t>(y)]);
+    for (const PixelRun& pixels : every) {
+      const std::int32_t part = all.of_run[number++];
+      if (is_kept[static_cast<std::size_t>(part)]) row.push_back(pixels);
+    }
+  };
   const detail::DistanceField distance =
-      detail::distance_to_border(runs, parts, options.expansion_px);
+      detail::distance_to_border(field.width(), field.height(), kept_runs, options.expansion_px);
   run.report(0.7);
   const ExpandedField expanded(distance);
-  const PixelRuns expanded_runs = find_runs(expanded, run);
+  const PixelParts expanded_parts = find_parts(expanded, run);
   if (run.cancelled()) return;
-  Tracer<ExpandedField>(expanded, expanded_runs, options)
-      .trace(by_falling_size(expanded_runs), shape, run);
+  Tracer<ExpandedField>(expanded, expanded_parts, options)
+      .trace(by_falling_size(expanded_parts), shape, run);
 }
 
 template <class T>

@@ -33,6 +33,8 @@ struct ShapeOptions {
   double minimum_area = 16.0;       ///< smaller parts are left out, >= 1 [px^2]
   double minimum_hole_area = 16.0;  ///< smaller holes are closed, >= 1 [px^2]
   bool opaque_is_shape = false;     ///< a picture without transparency is a rectangle, no error
+  bool keep_outline = true;  ///< false: numbers and areas only; a noisy picture has 16 bytes of
+                             ///< outline a pixel
 };
 
 /// The shape that the alpha channel shows.
@@ -41,6 +43,7 @@ struct ImageShape {
   /// Outer loops positive, holes negative, each hole after the outer loop of its part. Parts are
   /// numbered by falling area, and by their first pixel where areas are equal.
   Outline outline;
+  double area = 0.0;               ///< enclosed by the loops, holes taken off [px^2]
   std::vector<double> part_areas;  ///< of the parts of the outline, in pixels less their holes
   std::int64_t num_left_out = 0;   ///< parts that are not in the outline, specks too
   double left_out_area = 0.0;      ///< of those, in pixels
@@ -64,9 +67,8 @@ struct ImageShape {
 /// @throws InvalidArgument as validate(image), or for an option outside its range
 /// @throws AnalysisError E_NO_ALPHA (every pixel is opaque), E_EMPTY_SHAPE (none is inside),
 ///   E_SHAPE_TOO_SMALL (no part of minimum_area)
-/// Cost: O(pixels) time; memory for runs of pixels and the outline, 10 bytes a pixel of the box of
-/// the shape more with expansion.
-/// Source: thesis 7.4.1.
+/// Cost: O(pixels) time; memory for 4 bytes a run of pixels, a bit or two a pixel and the outline,
+/// 10 bytes a pixel of the box of the shape more with expansion. Source: thesis 7.4.1.
 ImageShape shape_from_image(const Raster& image, const ShapeOptions& options = {},
                             RunControl run = {});
 

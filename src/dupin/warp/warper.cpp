@@ -136,7 +136,7 @@ Warper::Warper(const PlanarMesh& mesh, const std::vector<Pin>& pins,
   run.throw_if_cancelled();
   prepare_mls(pins, lines, run.stage(0.0, 0.6));
   run.throw_if_cancelled();
-  prepare_arap(pins);
+  prepare_arap(pins, run);
   run.throw_if_cancelled();
   run.report(1.0);
 }
@@ -212,7 +212,8 @@ void Warper::prepare_mls(const std::vector<Pin>& pins, const std::vector<Control
           (position(mesh_.points, mesh_.triangles, where).transpose() - place).norm();
       distance.col(s) = geodesic_distances(
           mesh_, *graph_, where,
-          options_.metric == WarpMetric::edges ? GeodesicMethod::edges : GeodesicMethod::exact);
+          options_.metric == WarpMetric::edges ? GeodesicMethod::edges : GeodesicMethod::exact,
+          run);
       if (!is_pin_inside) distance.col(s).array() += offset;
     }
   });
@@ -222,7 +223,7 @@ void Warper::prepare_mls(const std::vector<Pin>& pins, const std::vector<Control
   mls_ = std::make_shared<const MlsWarp>(
       mesh_.points, sources_, samples.where,
       Eigen::Map<const VectorXd>(samples.weight.data(), num_samples), distance, radius,
-      options_.mls);
+      options_.mls, run);
   pin_distance_ = distance.leftCols(radius.size());
 
   is_still_.assign(at(graph_->components.count), 1);
@@ -299,7 +300,7 @@ VectorXd Warper::vertex_weights(const std::vector<Pin>& pins) const {
   return weight;
 }
 
-void Warper::prepare_arap(const std::vector<Pin>& pins) {
+void Warper::prepare_arap(const std::vector<Pin>& pins, const RunControl& run) {
   if (options_.rotation == RotationMode::held) held_ = held_rings(pins);
   std::vector<std::int32_t> held_by(at(mesh_.points.rows()), -1);
   for (const Held& held : held_) held_by[at(held.vertex)] = held.pin;
@@ -328,7 +329,7 @@ void Warper::prepare_arap(const std::vector<Pin>& pins) {
   weighting_ = dupin::edge_weights(mesh_, *graph_, options_.edge_weights);
   vertex_weight_ = vertex_weights(pins);
   arap_ = std::make_shared<const ArapSystem>(mesh_, *graph_, weighting_.weight, vertex_weight_,
-                                             constraints_);
+                                             constraints_, run);
 }
 
 Points2 Warper::constraint_values(const Points2& start, const Points2& targets,
@@ -342,7 +343,8 @@ Points2 Warper::constraint_values(const Points2& start, const Points2& targets,
   return values;
 }
 
-WarpStep Warper::drag(const Points2& targets, const VectorXd& rotations, bool measure) const {
+WarpStep Warper::drag(const Points2& targets, const VectorXd& rotations, bool measure,
+                      const RunControl& run) const {
   require(targets.rows() == sources_.rows(), "there must be one target a pin");
   require(rotations.size() == 0 || rotations.size() == sources_.rows(),
           "there must be one rotation a pin, or none");
@@ -358,15 +360,16 @@ WarpStep Warper::drag(const Points2& targets, const VectorXd& rotations, bool me
   const bool has_rotation =
       std::any_of(angles.begin(), angles.end(), [](double angle) { return !std::isnan(angle); });
   if (has_rotation && options_.rotation == RotationMode::thesis)
-    return drag_as_thesis(targets, angles, measure);
+    return drag_as_thesis(targets, angles, measure, run);
+  run.throw_if_cancelled();
   WarpStep step;
   step.points = mls_->deform(targets, has_rotation ? angles : VectorXd());
   constraints_.enforce(step.points, constraint_values(step.points, targets, angles));
-  iterate(step, measure);
+  iterate(step, measure, run);
   return step;
 }
 
-void Warper::iterate(WarpStep& step, bool measure) const {
+void Warper::iterate(WarpStep& step, bool measure, const RunControl& run) const {
   const auto start = std::chrono::steady_clock::now();
   const auto is_settled = [&] {
     const std::size_t count = step.energy.size();
@@ -375,6 +378,7 @@ void Warper::iterate(WarpStep& step, bool measure) const {
   };
   bool is_done = false;
   while (!is_done && step.iterations < options_.iterations) {
+    run.throw_if_cancelled();
     step.energy.push_back(arap_->iterate(step.points));
     ++step.iterations;
     is_done = options_.tolerance > 0.0 && is_settled();
@@ -405,13 +409,14 @@ Points2 Warper::nearest_pin_start(const Points2& targets, const VectorXd& rotati
 
 // 7.3.3. Vertices whose cell the start leaves rigid are held where they are; what is held changes
 // with every iteration, and with it the factor.
-WarpStep Warper::drag_as_thesis(const Points2& targets, const VectorXd& rotations,
-                                bool measure) const {
+WarpStep Warper::drag_as_thesis(const Points2& targets, const VectorXd& rotations, bool measure,
+                                const RunControl& run) const {
   WarpStep step;
   step.points = nearest_pin_start(targets, rotations);
   constraints_.enforce(step.points, constraint_values(step.points, targets, rotations));
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < options_.rotation_iterations; ++k) {
+    run.throw_if_cancelled();
     const VectorXd residual = arap_->residuals(step.points);
     std::vector<PlaceConstraint> rows;
     std::vector<std::uint8_t> is_frozen(at(residual.size()), 0);
@@ -428,7 +433,7 @@ WarpStep Warper::drag_as_thesis(const Points2& targets, const VectorXd& rotation
       if (!is_implied) rows.push_back(row);
     }
     const LinearConstraints constraints(step.points.rows(), rows);
-    const ArapSystem system(mesh_, *graph_, weighting_.weight, vertex_weight_, constraints);
+    const ArapSystem system(mesh_, *graph_, weighting_.weight, vertex_weight_, constraints, run);
     step.energy.push_back(system.iterate(step.points));
     ++step.iterations;
   }

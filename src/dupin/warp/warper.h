@@ -95,9 +95,9 @@ class Warper {
   /// pins without a rotation at construction are not looked at). Starts from the moving least
   /// squares, so that it does not depend on the drags before. With `measure` E is also taken at the
   /// end. Bits do not depend on threads. @throws InvalidArgument if a size does not fit or a number
-  /// is not finite.
-  WarpStep drag(const Points2& targets, const Eigen::VectorXd& rotations = {},
-                bool measure = false) const;
+  /// is not finite; Error E_INTERRUPTED if cancelled, which is looked at before every iteration.
+  WarpStep drag(const Points2& targets, const Eigen::VectorXd& rotations = {}, bool measure = false,
+                const RunControl& run = {}) const;
 
   /// The targets and rotations that the pins were given.
   Points2 targets() const { return targets_; }
@@ -127,15 +127,15 @@ class Warper {
   void place_pins(const std::vector<Pin>& pins, bool may_be_outside);
   void prepare_mls(const std::vector<Pin>& pins, const std::vector<ControlLine>& lines,
                    RunControl run);
-  void prepare_arap(const std::vector<Pin>& pins);
+  void prepare_arap(const std::vector<Pin>& pins, const RunControl& run);
   std::vector<Held> held_rings(const std::vector<Pin>& pins) const;
   Eigen::VectorXd vertex_weights(const std::vector<Pin>& pins) const;
   Points2 constraint_values(const Points2& start, const Points2& targets,
                             const Eigen::VectorXd& rotations) const;
   Points2 nearest_pin_start(const Points2& targets, const Eigen::VectorXd& rotations) const;
-  WarpStep drag_as_thesis(const Points2& targets, const Eigen::VectorXd& rotations,
-                          bool measure) const;
-  void iterate(WarpStep& step, bool measure) const;
+  WarpStep drag_as_thesis(const Points2& targets, const Eigen::VectorXd& rotations, bool measure,
+                          const RunControl& run) const;
+  void iterate(WarpStep& step, bool measure, const RunControl& run) const;
 
   PlanarMesh mesh_;
   WarpOptions options_;

@@ -308,6 +308,29 @@ TEST(Png, AProfileBombIsRefused) {
   EXPECT_EQ(code_of(span_of(encoded(s, false))), "E_EXPANSION");
 }
 
+// Text is not unpacked, and no chunk beside the pixels is held in memory: descriptions of any
+// length and bombs in them do not keep a picture from being read.
+TEST(Png, LongTextsAreSkipped) {
+  Stored s{1, 1, 8, 0, {5}, {}};
+  const std::string many(3'000'000, 'a');
+  s.chunks = chunk("iTXt", std::string("XML\0\0\0\0\0", 8) + many) +
+             chunk("tEXt", std::string("k\0", 2) + many) + chunk("eXIf", many) +
+             chunk("prVt", many) +
+             chunk("zTXt", std::string("k\0\0", 3) + packed(std::string(20'000'000, 'a')));
+  const PngFile file = parse_png(span_of(encoded(s, false)), "x.png");
+  EXPECT_EQ(file.raster.rgba8, (std::vector<std::uint8_t>{5, 5, 5, 255}));
+  EXPECT_TRUE(file.warnings.empty());
+}
+
+// A mapped file is let go while it is read; the picture is that of its bytes.
+TEST(Png, AMappedFileGivesTheSamePicture) {
+  test::TemporaryFolder folder;
+  const Raster raster = noise(1100, 1100, 16, false);
+  const std::string path = folder / "large.png";
+  write_png(path, raster);
+  EXPECT_EQ(read_png(path).raster.rgba16, raster.rgba16);
+}
+
 TEST(Png, ADamagedProfileIsLeftOutAndSaid) {
   Stored s{1, 1, 8, 0, {5}, {}};
   s.chunks = chunk("iCCP", std::string("p\0\0", 3) + packed("short"));

@@ -205,6 +205,33 @@ TEST(ShapeFromImage, OnlyTheLargestPartIsKeptUnlessAllAreWanted) {
   EXPECT_EQ(shape.part_areas, (std::vector<double>{2500.0}));
 }
 
+// Counting and measuring needs no outline: all numbers are those with it, to the bit.
+TEST(ShapeFromImage, NumbersDoNotNeedTheOutline) {
+  for (const double expansion : {0.0, 2.0}) {
+    ShapeOptions options;
+    options.parts = ShapeParts::all;
+    options.minimum_area = 3.0;
+    options.minimum_hole_area = 2.0;
+    options.expansion_px = expansion;
+    const Raster mask = random_mask(90, 70, 0.55, 21);
+    const ImageShape whole = shape_from_image(mask, options);
+    options.keep_outline = false;
+    const ImageShape numbers = shape_from_image(mask, options);
+    EXPECT_FALSE(whole.outline.loops.empty());
+    EXPECT_TRUE(numbers.outline.loops.empty());
+    EXPECT_EQ(numbers.area, signed_area(whole.outline));
+    EXPECT_EQ(whole.area, numbers.area);
+    EXPECT_EQ(numbers.part_areas, whole.part_areas);
+    EXPECT_EQ(numbers.num_parts, whole.num_parts);
+    EXPECT_EQ(numbers.num_holes, whole.num_holes);
+    ASSERT_EQ(numbers.warnings.all().size(), whole.warnings.all().size());
+    for (std::size_t i = 0; i < whole.warnings.all().size(); ++i) {
+      EXPECT_EQ(numbers.warnings.all()[i].count, whole.warnings.all()[i].count);
+      EXPECT_EQ(numbers.warnings.all()[i].first, whole.warnings.all()[i].first);
+    }
+  }
+}
+
 TEST(ShapeFromImage, SmallHolesAreClosedAndCounted) {
   const Raster mask = cut_out(30, 30, [](double x, double y) {
     const bool is_hole = std::abs(x - 15.0) < 1.0 && std::abs(y - 15.0) < 1.0;
