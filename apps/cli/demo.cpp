@@ -8,6 +8,7 @@
 #include "demo_crest.h"
 #include "demo_parts.h"
 #include "demo_register.h"
+#include "demo_warp.h"
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/version.h"
@@ -235,6 +236,7 @@ void demo(const Settings& settings, Context& context) {
   nlohmann::ordered_json noisy_scan;
   nlohmann::ordered_json crest_lines;
   nlohmann::ordered_json registration;
+  nlohmann::ordered_json warps;
   with_progress(context, "demo", [&] {
     std::vector<DemoSubject> subjects;
     if (!settings.surfaces.empty()) subjects = file_subjects(settings.surfaces, context);
@@ -252,6 +254,7 @@ void demo(const Settings& settings, Context& context) {
     }
     add_local_scale(report, directory, context);
     registration = add_registration(report, directory, context);
+    warps = add_warps(report, directory, context);
   });
   add_timings(report, timings);
   const std::string page = (directory / "index.html").string();
@@ -275,6 +278,7 @@ void demo(const Settings& settings, Context& context) {
   document["noisy_scan"] = noisy_scan;
   document["crest_lines"] = crest_lines;
   document["registration"] = registration;
+  document["warps"] = warps;
   context.print_json(document);
 }
 
