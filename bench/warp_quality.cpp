@@ -148,11 +148,11 @@ struct Garment {
   std::vector<std::int32_t> component;  // of the loops
 };
 
-Garment mesh_of(const std::string& path) {
+Garment mesh_of(const std::string& path, double rows) {
   const dupin::ImageShape shape = dupin::shape_from_image(dupin::read_png(path).raster);
   const Points2& outer = shape.outline.loops.at(0);
   dupin::OutlineOptions outline;
-  outline.spacing_px = (outer.col(1).maxCoeff() - outer.col(1).minCoeff()) / 60.0;
+  outline.spacing_px = (outer.col(1).maxCoeff() - outer.col(1).minCoeff()) / rows;
   dupin::MeshingOptions meshing;
   meshing.spacing_px = outline.spacing_px;
   const dupin::PreparedOutline prepared = dupin::prepare_outline(shape.outline, outline);
@@ -195,7 +195,7 @@ Measured measure_fit(const Garment& garment, const dupin::SilhouetteFit& fit, co
           quantile(errors, 0.9)};
 }
 
-void print_pairs(const std::string& directory) {
+void print_pairs(const std::string& directory, double rows) {
   std::printf(
       "\nGarments on two bodies, through the mesh: overlap of the border of the warped mesh with "
       "the "
@@ -215,7 +215,7 @@ void print_pairs(const std::string& directory) {
     const Points2 to = contour_of(path + "_dst.png");
     const dupin::SilhouetteFit fit = dupin::fit_silhouette(from, to);
     const auto pairs = true_pairs(read_flow(path + "_flow.npy.gz"), 1500);
-    const Garment garment = mesh_of(path + "_src.png");
+    const Garment garment = mesh_of(path + "_src.png", rows);
     const Measured warped = measure_fit(garment, fit, to, pairs, {});
     const Measured image = measure_fit(garment, fit, to, pairs, dupin::test::image_space_options());
     std::vector<double> still;
@@ -247,21 +247,21 @@ void print_limb(const std::string& picture, const dupin::PlanarMesh& mesh,
   std::fflush(stdout);
 }
 
-void print_limbs(const std::string& directory) {
+void print_limbs(const std::string& directory, double rows) {
   std::printf(
       "\nA limb turned about its joint: errors of the dense map, median and 90 %% [%% of the "
       "height], flipped triangles.\n\n"
       "| limb, angle | limb | body | flipped | thesis: limb | body | flipped | image-space: limb | "
       "body | flipped |\n|---|---|---|---|---|---|---|---|---|---|\n");
   for (const dupin::test::LimbPicture& figure : dupin::test::drawn_figures()) {
-    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(figure.raster);
+    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(figure.raster, rows);
     for (const dupin::test::LimbCase& limb : figure.limbs) print_limb(figure.name, mesh, limb);
   }
   for (dupin::test::LimbPicture& cut_out : dupin::test::cut_out_limbs()) {
     const std::string path = directory + "/" + cut_out.name + ".png";
     const dupin::test::LimbPicture picture =
         dupin::test::with_picture(std::move(cut_out), dupin::read_png(path).raster);
-    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(picture.raster);
+    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(picture.raster, rows);
     for (const dupin::test::LimbCase& limb : picture.limbs) print_limb("cut-out", mesh, limb);
   }
 }
@@ -271,13 +271,15 @@ void print_limbs(const std::string& directory) {
 int main(int argc, char** argv) {
   std::string pairs;
   std::string limbs;
+  double rows = 60.0;
   CLI::App app("What warping reaches where the truth is known");
   app.add_option("--pairs", pairs, "folder with X_src.png, X_dst.png and X_flow.npy.gz");
   app.add_option("--limbs", limbs, "folder of cut-outs; drawn figures are built in");
+  app.add_option("--rows", rows, "triangles in the height of a shape (60)");
   CLI11_PARSE(app, argc, argv);
   try {
-    if (!limbs.empty()) print_limbs(limbs);
-    if (!pairs.empty()) print_pairs(pairs);
+    if (!limbs.empty()) print_limbs(limbs, rows);
+    if (!pairs.empty()) print_pairs(pairs, rows);
     if (limbs.empty() && pairs.empty()) print_sleeve();
   } catch (const dupin::Error& error) {
     std::cerr << error.diagnostic() << '\n';

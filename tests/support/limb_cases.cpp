@@ -153,13 +153,13 @@ std::vector<LimbPicture> drawn_figures() {
     const Vector2d left_hand(50, 275);
     const Vector2d right_hand(370, 275);
     figure.limbs = {
-        limb_along("arm raised", {138, 192}, {45, 280}, 26, {chest, belly, head, right_hand}, 40),
-        limb_along("arm lowered", {138, 192}, {45, 280}, 26, {chest, belly, head, right_hand}, -30),
+        limb_along("arm raised", {110, 218}, {45, 280}, 24, {chest, belly, head, right_hand}, 40),
+        limb_along("arm lowered", {110, 218}, {45, 280}, 24, {chest, belly, head, right_hand}, -30),
         limb_along("forearm", {320, 227.5}, {375, 280}, 24, {{275, 185}, chest, belly, left_hand},
                    -35),
-        limb_along("leg", {178, 390}, {165, 585}, 36,
+        limb_along("leg", {174, 440}, {165, 585}, 35,
                    {chest, belly, {160, 300}, {255, 330}, right_foot}, 15),
-        limb_along("shin", {172, 470}, {165, 585}, 31, {{176, 410}, belly, chest, right_foot}, 25)};
+        limb_along("shin", {170, 500}, {165, 585}, 31, {{176, 440}, belly, chest, right_foot}, 25)};
   }
   {
     LimbPicture& figure = figures[1];
@@ -210,45 +210,38 @@ std::vector<LimbPicture> drawn_figures() {
   return figures;
 }
 
-namespace {
-
-// Places as shares of the sides of the picture.
-LimbCase in_shares(const std::string& name, const Vector2d& joint, const Vector2d& cut_from,
-                   const Vector2d& cut_to, const std::vector<Vector2d>& limb,
-                   const std::vector<Vector2d>& body, double angle_deg) {
-  LimbCase result;
-  result.name = name;
-  result.joint = joint;
-  result.cut_from = cut_from;
-  result.cut_to = cut_to;
-  result.limb = limb;
-  result.body = body;
-  result.angle_deg = angle_deg;
-  return result;
-}
-
-}  // namespace
-
 std::vector<LimbPicture> cut_out_limbs() {
-  const std::vector<Vector2d> torso = {{0.5, 0.45}, {0.33, 0.85}, {0.67, 0.85}, {0.78, 0.42}};
-  const auto sleeve = [](const std::string& file, const Vector2d& joint, const Vector2d& cut_from,
-                         const Vector2d& cut_to, const std::vector<Vector2d>& limb,
-                         const std::vector<Vector2d>& body, double angle_deg) {
-    return LimbPicture{file, {}, {in_shares(file, joint, cut_from, cut_to, limb, body, angle_deg)}};
+  const auto limb = [](const std::string& file, const Vector2d& joint, const Vector2d& cut_from,
+                       const Vector2d& cut_to, const std::vector<Vector2d>& pins,
+                       const std::vector<Vector2d>& body, double angle_deg) {
+    LimbCase result;
+    result.name = file;
+    result.joint = joint;
+    result.cut_from = cut_from;
+    result.cut_to = cut_to;
+    result.limb = pins;
+    result.body = body;
+    result.angle_deg = angle_deg;
+    return LimbPicture{file, {}, {result}};
   };
   return {
-      sleeve("tshirt", {0.25, 0.40}, {0.25, 0.26}, {0.25, 0.54}, {{0.20, 0.42}, {0.13, 0.48}},
-             torso, 20),
-      sleeve("t-shirt_01", {0.175, 0.3}, {0.1, 0.15}, {0.24, 0.45}, {{0.13, 0.36}, {0.09, 0.44}},
-             {{0.5, 0.3}, {0.26, 0.85}, {0.7, 0.85}, {0.8, 0.3}}, 20),
-      sleeve("coat", {0.225, 0.45}, {0.16, 0.36}, {0.265, 0.57}, {{0.19, 0.54}, {0.13, 0.67}},
-             {{0.5, 0.4}, {0.3, 0.88}, {0.7, 0.88}, {0.82, 0.55}}, 25),
-      sleeve("jeans", {0.355, 0.4}, {0.2, 0.4}, {0.49, 0.4}, {{0.33, 0.55}, {0.29, 0.85}},
-             {{0.35, 0.1}, {0.65, 0.1}, {0.62, 0.3}, {0.7, 0.85}}, 15),
-      sleeve("gi", {0.18, 0.54}, {0.13, 0.4}, {0.215, 0.69}, {{0.13, 0.6}, {0.08, 0.68}},
-             {{0.5, 0.5}, {0.28, 0.88}, {0.66, 0.88}, {0.76, 0.5}}, 20),
-      sleeve("lab_coat", {0.155, 0.53}, {0.1, 0.42}, {0.2, 0.65}, {{0.125, 0.6}, {0.08, 0.69}},
-             {{0.5, 0.45}, {0.25, 0.88}, {0.65, 0.88}, {0.78, 0.55}}, 25)};
+      limb("jeans", {0.355, 0.4}, {0.2, 0.4}, {0.49, 0.4}, {{0.33, 0.55}, {0.29, 0.85}},
+           {{0.35, 0.1}, {0.65, 0.1}, {0.62, 0.3}, {0.7, 0.85}}, 15),
+      limb("coat", {0.158, 0.58}, {0.067, 0.53}, {0.248, 0.631}, {{0.144, 0.631}, {0.123, 0.708}},
+           {{0.5, 0.4}, {0.3, 0.88}, {0.7, 0.88}, {0.82, 0.55}}, 25),
+      limb("lab_coat", {0.176, 0.605}, {0.1016, 0.55}, {0.254, 0.656},
+           {{0.18, 0.69}, {0.09, 0.645}}, {{0.5, 0.45}, {0.3, 0.88}, {0.65, 0.88}, {0.78, 0.55}},
+           25),
+      limb("woman_fashion_01_gerald__01", {0.43, 0.74}, {0.15, 0.74}, {0.72, 0.74},
+           {{0.47, 0.82}, {0.53, 0.94}}, {{0.45, 0.1}, {0.45, 0.3}, {0.3, 0.6}, {0.62, 0.6}}, -20),
+      limb("socks", {0.39, 0.52}, {0.22, 0.42}, {0.58, 0.63}, {{0.38, 0.68}, {0.16, 0.72}},
+           {{0.4, 0.1}, {0.3, 0.3}, {0.48, 0.3}, {0.48, 0.45}}, 20),
+      limb("swimsuit", {0.273, 0.17}, {0.22, 0.17}, {0.33, 0.17}, {{0.273, 0.14}, {0.273, 0.085}},
+           {{0.35, 0.3}, {0.65, 0.3}, {0.5, 0.5}, {0.5, 0.8}, {0.72, 0.1}}, -25),
+      limb("running_shirt", {0.33, 0.2}, {0.24, 0.2}, {0.42, 0.2}, {{0.33, 0.16}, {0.33, 0.09}},
+           {{0.35, 0.6}, {0.65, 0.6}, {0.5, 0.8}, {0.67, 0.1}}, 20),
+      limb("tshirt", {0.25, 0.40}, {0.25, 0.26}, {0.25, 0.54}, {{0.18, 0.53}, {0.11, 0.42}},
+           {{0.5, 0.45}, {0.33, 0.6}, {0.33, 0.85}, {0.67, 0.85}, {0.78, 0.42}}, 20)};
 }
 
 LimbPicture with_picture(LimbPicture in_shares, Raster raster) {
@@ -303,7 +296,7 @@ LimbErrors measure_limb(const PlanarMesh& mesh, const LimbCase& limb,
     for_pixels(mesh, result.points, f, [&](const Vector2d& p, const Vector2d& q) {
       if (!is_on_limb)
         on_body.push_back((q - p).norm() / height);
-      else if (std::abs(cross(cut, p - limb.cut_from)) >= 0.5 * cut.squaredNorm())
+      else if (std::abs(cross(cut, p - limb.cut_from)) >= 0.25 * cut.squaredNorm())
         on_limb.push_back((q - turned(p)).norm() / height);
     });
   }

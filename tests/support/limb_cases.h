@@ -43,7 +43,7 @@ PlanarMesh mesh_of_picture(const Raster& raster, double rows = 60.0);
 
 /// Errors of the dense map at all pixel centres, as shares of the height of the shape.
 struct LimbErrors {
-  double limb_median = 0.0;  ///< of the limb farther than half a cut from the cut
+  double limb_median = 0.0;  ///< of the limb farther than a quarter of the cut from it
   double limb_most = 0.0;    ///< 90 % are below
   double body_median = 0.0;  ///< of all on the other side of the cut
   double body_most = 0.0;
