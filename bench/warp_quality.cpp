@@ -2,6 +2,7 @@
 // docs/methods/warp_contours.md.
 //
 // warp_quality                      # the sleeve that hangs beside its torso
+// warp_quality --limbs DIR          # limbs of drawn figures and of cut-outs, turned about joints
 // warp_quality --pairs DIR          # garments on two bodies with a dense true flow, X_src.png,
 //                                   # X_dst.png, X_flow.npy.gz (float32, rows by columns by 2)
 #include <CLI/CLI.hpp>
@@ -21,9 +22,11 @@
 #include "dupin/io/formats.h"
 #include "dupin/io/png.h"
 #include "dupin/warp/deform.h"
-#include "dupin/warp/pin_transfer.h"
+#include "dupin/warp/prepare_outline.h"
 #include "dupin/warp/shape_from_image.h"
 #include "dupin/warp/silhouette_fit.h"
+#include "dupin/warp/triangulate_outline.h"
+#include "tests/support/limb_cases.h"
 #include "tests/support/planar_shapes.h"
 
 namespace {
@@ -139,13 +142,66 @@ Eigen::Matrix<double, Eigen::Dynamic, 4> true_pairs(const Flow& flow, Index coun
   return pairs;
 }
 
-void print_pairs(const std::string& directory) {
+// A garment as a mesh with its border, and the fine stage that pulls it to a silhouette.
+struct Garment {
+  dupin::TriangulatedOutline mesh;
+  std::vector<std::int32_t> component;  // of the loops
+};
+
+Garment mesh_of(const std::string& path, double rows) {
+  const dupin::ImageShape shape = dupin::shape_from_image(dupin::read_png(path).raster);
+  const Points2& outer = shape.outline.loops.at(0);
+  dupin::OutlineOptions outline;
+  outline.spacing_px = (outer.col(1).maxCoeff() - outer.col(1).minCoeff()) / rows;
+  dupin::MeshingOptions meshing;
+  meshing.spacing_px = outline.spacing_px;
+  const dupin::PreparedOutline prepared = dupin::prepare_outline(shape.outline, outline);
+  return {dupin::triangulate_outline(prepared.outline, {}, meshing), prepared.outline.component};
+}
+
+struct Measured {
+  double iou = 0.0;
+  Index flipped = 0;
+  double median = 0.0;
+  double most = 0.0;
+};
+
+Measured measure_fit(const Garment& garment, const dupin::SilhouetteFit& fit, const Points2& to,
+                     const Eigen::Matrix<double, Eigen::Dynamic, 4>& pairs,
+                     const dupin::DeformOptions& options) {
+  dupin::DeformStage stage;
+  stage.mode = dupin::DeformMode::fine;
+  for (const dupin::WarpPin& given : fit.pins) {
+    dupin::Pin pin;
+    pin.source = given.source.transpose();
+    pin.target = given.target.transpose();
+    stage.pins.push_back(pin);
+  }
+  const dupin::PlanarMesh& mesh = garment.mesh.mesh;
+  const dupin::Deformation result = dupin::deform(mesh, {stage}, options);
+  dupin::Outline border;
+  border.component = {0};
+  border.loops = {dupin::border_loops(garment.mesh.border, result.points).at(0)};
+  std::vector<double> errors;
+  for (Index i = 0; i < pairs.rows(); ++i) {
+    const dupin::MeshPoint place =
+        dupin::closest_mesh_point(mesh, pairs.row(i).head<2>().transpose());
+    errors.push_back(
+        (dupin::position(result.points, mesh.triangles, place) - pairs.row(i).tail<2>().transpose())
+            .norm());
+  }
+  return {dupin::compute_overlap(border, dupin::Outline{{to}, {0}}).iou,
+          static_cast<Index>(result.quality.flipped.size()), quantile(errors, 0.5),
+          quantile(errors, 0.9)};
+}
+
+void print_pairs(const std::string& directory, double rows) {
   std::printf(
-      "\nGarments on two bodies: exterior pins of fit_silhouette(), overlap of the contour with "
+      "\nGarments on two bodies, through the mesh: overlap of the border of the warped mesh with "
       "the "
       "silhouette, errors of 1500 places inside, median and 90 %% [px].\n\n"
-      "| garment | pins | IoU before | IoU fitted | unwarped | by the contour alone |\n"
-      "|---|---|---|---|---|---|\n");
+      "| garment | pins | IoU before | contour | mesh | flipped | image-space IoU | unwarped | "
+      "mesh | image-space |\n|---|---|---|---|---|---|---|---|---|---|\n");
   std::vector<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(directory)) {
     const std::string name = entry.path().filename().string();
@@ -159,34 +215,72 @@ void print_pairs(const std::string& directory) {
     const Points2 to = contour_of(path + "_dst.png");
     const dupin::SilhouetteFit fit = dupin::fit_silhouette(from, to);
     const auto pairs = true_pairs(read_flow(path + "_flow.npy.gz"), 1500);
-    const Points2 moved = dupin::move_loop(from, fit.arcs, fit.pins);
-    const auto carried = dupin::transfer_places(from, pairs.leftCols<2>(), to, fit.match);
+    const Garment garment = mesh_of(path + "_src.png", rows);
+    const Measured warped = measure_fit(garment, fit, to, pairs, {});
+    const Measured image = measure_fit(garment, fit, to, pairs, dupin::test::image_space_options());
     std::vector<double> still;
-    std::vector<double> warped;
-    for (Index i = 0; i < pairs.rows(); ++i) {
+    for (Index i = 0; i < pairs.rows(); ++i)
       still.push_back((pairs.row(i).head<2>() - pairs.row(i).tail<2>()).norm());
-      warped.push_back((carried.places.row(i) - pairs.row(i).tail<2>()).norm());
-    }
-    std::printf("| %s | %zu | %.3f | %.3f | %.2f, %.1f | %.2f, %.1f |\n", name.c_str(),
-                fit.pins.size(), fit.before.iou, dupin::compute_overlap(moved, to).iou,
-                quantile(still, 0.5), quantile(still, 0.9), quantile(warped, 0.5),
-                quantile(warped, 0.9));
+    std::printf(
+        "| %s | %zu | %.3f | %.3f | %.3f | %ld | %.3f | %.2f, %.1f | %.2f, %.1f | %.2f, "
+        "%.1f |\n",
+        name.c_str(), fit.pins.size(), fit.before.iou, fit.fitted.iou, warped.iou,
+        static_cast<long>(warped.flipped), image.iou, quantile(still, 0.5), quantile(still, 0.9),
+        warped.median, warped.most, image.median, image.most);
     std::fflush(stdout);
+  }
+}
+
+// ---- limbs -----------------------------------------------------------------------------------
+
+void print_limb(const std::string& picture, const dupin::PlanarMesh& mesh,
+                const dupin::test::LimbCase& limb) {
+  const dupin::test::LimbErrors all[] = {
+      measure_limb(mesh, limb, {}), measure_limb(mesh, limb, dupin::test::thesis_options()),
+      measure_limb(mesh, limb, dupin::test::image_space_options())};
+  std::printf("| %s, %s, %.0f |", picture.c_str(), limb.name.c_str(), limb.angle_deg);
+  for (const dupin::test::LimbErrors& errors : all)
+    std::printf(" %.2f, %.2f | %.2f, %.2f | %ld |", 100.0 * errors.limb_median,
+                100.0 * errors.limb_most, 100.0 * errors.body_median, 100.0 * errors.body_most,
+                static_cast<long>(errors.flipped));
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+void print_limbs(const std::string& directory, double rows) {
+  std::printf(
+      "\nA limb turned about its joint: errors of the dense map, median and 90 %% [%% of the "
+      "height], flipped triangles.\n\n"
+      "| limb, angle | limb | body | flipped | thesis: limb | body | flipped | image-space: limb | "
+      "body | flipped |\n|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const dupin::test::LimbPicture& figure : dupin::test::drawn_figures()) {
+    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(figure.raster, rows);
+    for (const dupin::test::LimbCase& limb : figure.limbs) print_limb(figure.name, mesh, limb);
+  }
+  for (dupin::test::LimbPicture& cut_out : dupin::test::cut_out_limbs()) {
+    const std::string path = directory + "/" + cut_out.name + ".png";
+    const dupin::test::LimbPicture picture =
+        dupin::test::with_picture(std::move(cut_out), dupin::read_png(path).raster);
+    const dupin::PlanarMesh mesh = dupin::test::mesh_of_picture(picture.raster, rows);
+    for (const dupin::test::LimbCase& limb : picture.limbs) print_limb("cut-out", mesh, limb);
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::string directory;
+  std::string pairs;
+  std::string limbs;
+  double rows = 60.0;
   CLI::App app("What warping reaches where the truth is known");
-  app.add_option("--pairs", directory, "folder with X_src.png, X_dst.png and X_flow.npy.gz");
+  app.add_option("--pairs", pairs, "folder with X_src.png, X_dst.png and X_flow.npy.gz");
+  app.add_option("--limbs", limbs, "folder of cut-outs; drawn figures are built in");
+  app.add_option("--rows", rows, "triangles in the height of a shape (60)");
   CLI11_PARSE(app, argc, argv);
   try {
-    if (directory.empty())
-      print_sleeve();
-    else
-      print_pairs(directory);
+    if (!limbs.empty()) print_limbs(limbs, rows);
+    if (!pairs.empty()) print_pairs(pairs, rows);
+    if (limbs.empty() && pairs.empty()) print_sleeve();
   } catch (const dupin::Error& error) {
     std::cerr << error.diagnostic() << '\n';
     return 1;

@@ -9,6 +9,8 @@ void add_warp(CLI::App& app, Context& context) {
   add_warp_contour(*warp, context);
   add_warp_mesh(*warp, context);
   add_warp_render(*warp, context);
+  add_warp_fit(*warp, context);
+  add_warp_apply(*warp, context);
 }
 
 }  // namespace dupin::cli

@@ -12,5 +12,7 @@ void add_warp_new(CLI::App& warp, Context& context);
 void add_warp_contour(CLI::App& warp, Context& context);
 void add_warp_mesh(CLI::App& warp, Context& context);
 void add_warp_render(CLI::App& warp, Context& context);
+void add_warp_fit(CLI::App& warp, Context& context);
+void add_warp_apply(CLI::App& warp, Context& context);
 
 }  // namespace dupin::cli

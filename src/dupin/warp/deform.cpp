@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
+#include <optional>
 #include <utility>
 
 #include "dupin/base/error.h"
+#include "dupin/warp/fine_stage.h"
 #include "dupin/warp/warp_depth.h"
 
 namespace dupin {
@@ -46,6 +47,17 @@ std::vector<ControlLine> closed_polyline(std::size_t count) {
   return lines;
 }
 
+class Stopwatch {
+ public:
+  double seconds() const {
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start_;
+    return spent.count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 class StageRun {
  public:
   StageRun(const PlanarMesh& mesh, const DeformOptions& options, Deformation& result)
@@ -54,57 +66,88 @@ class StageRun {
   void run(const DeformStage& stage, RunControl control) {
     StageReport report;
     rest_.points = result_.points;
-    const bool is_fine = stage.mode == DeformMode::fine;
-    const std::vector<Pin> pins =
-        is_fine ? stage.pins : without_repeated(stage.pins, result_.warnings);
-    std::vector<ControlLine> lines;
-    if (is_fine) lines = stage.lines.empty() ? closed_polyline(pins.size()) : stage.lines;
-    WarpOptions warp = options_.warp;
-    if (is_fine) warp.iterations = options_.fine_iterations;
-    const auto start = std::chrono::steady_clock::now();
-    const Warper warper(rest_, pins, lines, warp, std::move(control));
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start;
-    report.seconds_to_prepare = spent.count();
-
-    WarpStep step = warper.drag(warper.targets(), {}, true);
-    report.iterations = step.iterations;
-    report.energy = step.energy;
-    report.is_converged = step.is_converged;
-    report.seconds_per_iteration = step.seconds_per_iteration;
-    report.still_components = warper.still_components();
-    report.flipped_before_polish =
-        static_cast<Index>(measure_warp(first_, step.points).flipped.size());
-    if (options_.is_polished && report.flipped_before_polish > 0) {
-      PolishResult polished = polish_folds(warper.arap(), first_, step.points, options_.polish);
-      report.polish_iterations = polished.iterations;
-      step.points = std::move(polished.points);
-    }
-    report.largest_violation_px =
-        warper.largest_violation(step.points, warper.targets(), warper.rotations());
-    remark(warper, report);
-    result_.points = std::move(step.points);
-    const bool has_depths =
-        std::any_of(pins.begin(), pins.end(), [](const Pin& pin) { return pin.depth != 0.0; });
-    if (!is_fine && has_depths) {
-      Eigen::VectorXd depths(static_cast<Index>(pins.size()));
-      for (std::size_t m = 0; m < pins.size(); ++m) depths[static_cast<Index>(m)] = pins[m].depth;
-      result_.depth = warper.depth(depths);
+    if (stage.mode == DeformMode::fine)
+      run_fine(stage, report, std::move(control));
+    else
+      run_coarse(stage, report, std::move(control));
+    for (const std::int32_t component : report.still_components) {
+      result_.warnings.add("W_COMPONENT_UNANCHORED", "part " + std::to_string(component),
+                           "parts of the shape without a pin stay where they are");
     }
     if (!report.is_converged) result_.status = Status::not_converged;
     result_.stages.push_back(std::move(report));
   }
 
  private:
-  void remark(const Warper& warper, const StageReport& report) {
-    for (const std::int32_t component : report.still_components) {
-      result_.warnings.add("W_COMPONENT_UNANCHORED", "part " + std::to_string(component),
-                           "parts of the shape without a pin stay where they are");
+  void run_coarse(const DeformStage& stage, StageReport& report, RunControl control) {
+    const std::vector<Pin> pins = without_repeated(stage.pins, result_.warnings);
+    const Stopwatch preparing;
+    const Warper warper(rest_, pins, {}, options_.warp, std::move(control));
+    report.seconds_to_prepare = preparing.seconds();
+    WarpStep step = warper.drag(warper.targets(), {}, true);
+    report.iterations = step.iterations;
+    report.energy = step.energy;
+    report.is_converged = step.is_converged;
+    report.seconds_per_iteration = step.seconds_per_iteration;
+    report.still_components = warper.still_components();
+    if (is_folded(step.points, report)) {
+      PolishResult polished = polish_folds(warper.arap(), first_, step.points, options_.polish);
+      report.polish_iterations = polished.iterations;
+      step.points = std::move(polished.points);
     }
-    if (warper.num_clamped_weights() > 0) {
-      result_.warnings.add("W_WEIGHT_CLAMPED", "the mesh",
-                           "cotangent weights that were negative or of needles were clamped",
-                           warper.num_clamped_weights());
+    report.largest_violation_px =
+        warper.largest_violation(step.points, warper.targets(), warper.rotations());
+    remark_weights(warper.num_clamped_weights());
+    result_.points = std::move(step.points);
+    const bool has_depths =
+        std::any_of(pins.begin(), pins.end(), [](const Pin& pin) { return pin.depth != 0.0; });
+    if (has_depths) {
+      Eigen::VectorXd depths(static_cast<Index>(pins.size()));
+      for (std::size_t m = 0; m < pins.size(); ++m) depths[static_cast<Index>(m)] = pins[m].depth;
+      result_.depth = warper.depth(depths);
     }
+  }
+
+  // Pins on the contour are many, more than one a triangle, and they say where the border goes:
+  // iterations and the polish hold the border, not the corners next to the pins.
+  void run_fine(const DeformStage& stage, StageReport& report, RunControl control) {
+    const std::vector<ControlLine> lines =
+        stage.lines.empty() ? closed_polyline(stage.pins.size()) : stage.lines;
+    const Stopwatch preparing;
+    const PlanarGraph graph = make_planar_graph(rest_);
+    detail::LineWarp warped =
+        detail::warp_by_lines(rest_, graph, stage.pins, lines, options_.warp, std::move(control));
+    std::optional<detail::HeldBorder> held;
+    if (options_.fine_iterations > 0) held.emplace(rest_, graph, options_.warp.edge_weights);
+    report.seconds_to_prepare = preparing.seconds();
+    report.still_components = std::move(warped.still_components);
+    const Stopwatch iterating;
+    for (; report.iterations < options_.fine_iterations; ++report.iterations)
+      report.energy.push_back(held->system().iterate(warped.points));
+    if (report.iterations > 0) {
+      report.seconds_per_iteration = iterating.seconds() / report.iterations;
+      report.energy.push_back(held->system().energy(warped.points));
+    }
+    if (is_folded(warped.points, report)) {
+      if (!held) held.emplace(rest_, graph, options_.warp.edge_weights);
+      PolishResult polished = held->polish(first_, warped.points, options_.polish);
+      report.polish_iterations = polished.iterations;
+      warped.points = std::move(polished.points);
+    }
+    if (held) remark_weights(held->num_clamped_weights());
+    result_.points = std::move(warped.points);
+  }
+
+  bool is_folded(const Points2& points, StageReport& report) const {
+    report.flipped_before_polish = static_cast<Index>(measure_warp(first_, points).flipped.size());
+    return options_.is_polished && report.flipped_before_polish > 0;
+  }
+
+  void remark_weights(Index num_clamped) {
+    if (num_clamped == 0) return;
+    result_.warnings.add("W_WEIGHT_CLAMPED", "the mesh",
+                         "cotangent weights that were negative or of needles were clamped",
+                         num_clamped);
   }
 
   const PlanarMesh& first_;  // what is folded over is so against the first shape

@@ -15,7 +15,8 @@ namespace dupin {
 
 enum class DeformMode {
   coarse,  ///< pins inside the shape: moving least squares, then ARAP (7.4.3)
-  fine,    ///< exterior points joined to control lines: moving least squares (7.4.4)
+  fine,    ///< exterior points joined to control lines: moving least squares (7.4.4); nothing is
+           ///< held, so that a triangle may have any number of them
 };
 
 /// One step of an edit. Its sources lie on the shape as the steps before left it (P := Q, 7.4.4),
@@ -28,9 +29,10 @@ struct DeformStage {
 
 struct DeformOptions {
   WarpOptions warp;
-  int fine_iterations = 0;  ///< ARAP iterations of a fine stage, >= 0; it holds the pins that are
-                            ///< on the shape
-  bool is_polished = true;  ///< take fold-overs out after every stage
+  int fine_iterations = 0;  ///< ARAP iterations of a fine stage, >= 0; they hold the border where
+                            ///< its lines put it
+  bool is_polished = true;  ///< take fold-overs out after every stage: a coarse one holds its pins,
+                            ///< a fine one the border, as far as it is not folded itself
   PolishOptions polish;
 };
 
@@ -41,7 +43,7 @@ struct StageReport {
   bool is_converged = true;    ///< warp.tolerance was reached, or 0
   double seconds_per_iteration = 0.0;
   double seconds_to_prepare = 0.0;         ///< distances, tables, factor
-  double largest_violation_px = 0.0;       ///< of a held place
+  double largest_violation_px = 0.0;       ///< (coarse) of a held place
   Eigen::Index flipped_before_polish = 0;  ///< against the shape at rest of this stage
   int polish_iterations = 0;
   std::vector<std::int32_t> still_components;  ///< parts without a pin, left where they were

@@ -349,4 +349,21 @@ std::int64_t exact_area(const PlanarMesh& mesh) {
   return sum;
 }
 
+std::vector<Points2> border_loops(const std::vector<BorderEdge>& border, const Points2& points) {
+  std::vector<Points2> loops;
+  for (std::size_t first = 0; first < border.size();) {
+    std::size_t last = first;
+    while (last < border.size() && border[last].loop == border[first].loop) ++last;
+    Points2 loop(static_cast<Eigen::Index>(last - first), 2);
+    for (std::size_t k = first; k < last; ++k) {
+      if (border[k].from < 0 || border[k].from >= points.rows())
+        throw InvalidArgument("a vertex of the border is not in the points");
+      loop.row(static_cast<Eigen::Index>(k - first)) = points.row(border[k].from);
+    }
+    loops.push_back(std::move(loop));
+    first = last;
+  }
+  return loops;
+}
+
 }  // namespace dupin

@@ -80,6 +80,11 @@ struct TriangulatedOutline {
 TriangulatedOutline triangulate_outline(const Outline& outline, const Points2& fixed_points = {},
                                         const MeshingOptions& options = {}, RunControl run = {});
 
+/// The loops of the border with the vertices of the mesh at `points` (#V by 2): the outline of the
+/// shape once it is deformed. One a loop of the outline, in its order.
+/// @throws InvalidArgument if a vertex of the border is not in `points`
+std::vector<Points2> border_loops(const std::vector<BorderEdge>& border, const Points2& points);
+
 /// Twice the area that an outline encloses, exact, in units of 2^-16 px^2 (corners on the grid).
 /// @throws InvalidArgument for a corner off the grid
 std::int64_t exact_area(const Outline& outline);
