@@ -88,8 +88,13 @@ void write_ply(const std::string& path, const Points& points, const Triangles& t
 std::vector<NamedSurface> registration_surfaces(const std::string& directory) {
   std::vector<NamedSurface> surfaces;
   if (!directory.empty()) {
-    for (const char* name : {"armadillo", "bunny00", "refined_elephant"}) {
-      surfaces.push_back({name, heal(read_surface(directory + "/" + name + ".off").mesh).mesh});
+    // As CGAL calls them, or as `./run demo` does.
+    for (const auto& [name, other] : {std::pair{"armadillo", "armadillo"},
+                                      {"bunny00", "bunny"},
+                                      {"refined_elephant", "elephant"}}) {
+      const bool is_there = std::filesystem::exists(directory + "/" + name + ".off");
+      const std::string file = directory + "/" + (is_there ? name : other) + ".off";
+      surfaces.push_back({name, heal(read_surface(file).mesh).mesh});
     }
   }
   surfaces.push_back({"bumpy", bumpy(1, {1.0, 1.0, 1.0})});
