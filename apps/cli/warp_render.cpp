@@ -63,6 +63,11 @@ WarpView view_of(const RenderRequest& request, const Raster& source,
   return view;
 }
 
+void drop_pixels(Raster& raster) {
+  raster.rgba8 = {};
+  raster.rgba16 = {};
+}
+
 Rendered render(Context& context, const RenderRequest& request) {
   Rendered made;
   const RunControl& run = context.run;
@@ -88,18 +93,22 @@ Rendered render(Context& context, const RenderRequest& request) {
       render_warp(made.input.picture.raster, mesh, deformation.points, deformation.paint_order,
                   made.view, background ? &background->raster : nullptr, run.stage(0.7, 0.9));
   run.throw_if_cancelled();
-  // All work is done before the first output: a run that is stopped leaves none of them.
-  WarpMap map;
-  if (!request.map.empty()) {
-    map = warp_map(mesh, deformation.points, deformation.paint_order, made.view,
-                   run.stage(0.9, 0.95));
-  }
+  // All work is done before the first output: a run that is stopped leaves none of them. Pixels go
+  // as soon as they are packed, for a map takes twice the memory of a picture.
+  drop_pixels(made.input.picture.raster);
   std::string pins;
   if (!request.pins_picture.empty()) {
     pins = format_png(pins_picture(made.picture.raster, made.mesh, deformation.points,
                                    made.input.project, made.view.target_scale, run));
   }
   const std::string png = format_png(made.picture.raster);
+  drop_pixels(made.picture.raster);
+  run.throw_if_cancelled();
+  WarpMap map;
+  if (!request.map.empty()) {
+    map =
+        warp_map(mesh, deformation.points, deformation.paint_order, made.view, run.stage(0.9, 1.0));
+  }
   run.throw_if_cancelled();
   write_file_atomically(request.output, png);
   if (!request.map.empty()) write_npy(request.map, {map.height, map.width, 2}, map.source_xy);

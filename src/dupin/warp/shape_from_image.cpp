@@ -393,11 +393,11 @@ std::vector<std::int32_t> choose_parts(const PixelParts& all, const ShapeOptions
                        shape.num_parts);
     for (std::size_t i = 1; keeps_one && i < chosen.size(); ++i) {
       shape.left_out_area +=
-          static_cast<double>(runs.parts[static_cast<std::size_t>(chosen[i])].num_pixels);
+          static_cast<double>(all.parts[static_cast<std::size_t>(chosen[i])].num_pixels);
     }
     if (keeps_one) chosen.resize(1);
   }
-  shape.num_left_out = static_cast<std::int64_t>(runs.parts.size() - chosen.size());
+  shape.num_left_out = static_cast<std::int64_t>(all.parts.size() - chosen.size());
   if (num_specks > 0) {
     shape.warnings.add("W_SPECK", "a part", "parts below the minimum area were left out",
                        num_specks);
