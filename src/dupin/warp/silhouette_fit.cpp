@@ -7,6 +7,7 @@
 
 #include "dupin/base/error.h"
 #include "dupin/warp/contour_curvature.h"
+#include "dupin/warp/settle_contour.h"
 
 namespace dupin {
 namespace {
@@ -61,24 +62,31 @@ void require_options(const SilhouetteFitOptions& options) {
     throw InvalidArgument("min_confidence is not in [0, 1]");
 }
 
-// The source contour and where the match puts it, at equal steps.
+// The source contour and where it comes to lie on the silhouette, at equal steps.
 struct Track {
   Eigen::VectorXd arcs;
   Points2 shift;  // from the source to the silhouette
   double length = 0.0;
 };
 
-Track track_of(const Points2& source, const Points2& silhouette, const ContourMatch& match) {
+Track track_of(const Points2& source, const Points2& silhouette, const ContourMatch& match,
+               double height) {
   constexpr Index kSamples = 2048;
   const ResampledLoop samples = resample_loop(source, kSamples);
   Track track;
   track.arcs = samples.arcs;
   track.length = samples.length;
   track.shift.resize(kSamples, 2);
-  for (Index i = 0; i < kSamples; ++i) {
-    track.shift.row(i) =
-        point_at_arc(silhouette, map_arc(match, samples.arcs(i))) - samples.points.row(i);
+  if (match.is_reversed) {
+    for (Index i = 0; i < kSamples; ++i)
+      track.shift.row(i) =
+          point_at_arc(silhouette, map_arc(match, samples.arcs(i))) - samples.points.row(i);
+    return track;
   }
+  const Eigen::VectorXd on_silhouette =
+      detail::settle_contour(source, samples.points, samples.arcs, silhouette, match, height);
+  for (Index i = 0; i < kSamples; ++i)
+    track.shift.row(i) = point_at_arc(silhouette, on_silhouette(i)) - samples.points.row(i);
   return track;
 }
 
@@ -206,8 +214,8 @@ SilhouetteFit fit_silhouette(const Points2& source, const Points2& silhouette,
   if (std::count_if(fit.match.keys.begin(), fit.match.keys.end(), is_sure) >= 2)
     std::erase_if(fit.match.keys, [&](const KeyMatch& key) { return !is_sure(key); });
 
-  const Track track = track_of(source, silhouette, fit.match);
   const double height = silhouette.col(1).maxCoeff() - silhouette.col(1).minCoeff();
+  const Track track = track_of(source, silhouette, fit.match, height);
   const std::vector<Index> chosen =
       pin_samples(track, exterior, options.tolerance * height, options.max_pins);
   fit.arcs.resize(static_cast<Index>(chosen.size()));

@@ -30,7 +30,7 @@ struct SilhouetteFitOptions {
   ExteriorPointOptions exterior;
   /// How far the contour between two pins may stay from the silhouette, as a share of its height,
   /// 1e-4 to 1; more pins are put in between until then.
-  double tolerance = 0.004;
+  double tolerance = 0.003;
   Eigen::Index max_pins = 400;  ///< 4 to 10000
   double min_confidence = 0.5;  ///< of key points that the fit relies on, 0 to 1
 };
@@ -45,9 +45,10 @@ struct SilhouetteFit {
   Overlap fitted;              ///< of the source loop moved by its pins, and silhouette
 };
 
-/// Pulls a contour to a target silhouette: its exterior points (find_exterior_points) go to the
-/// places that the match of the contours (match_contours) gives them, and more pins come between
-/// them where straight control lines would leave the silhouette. The result is the target of a fine
+/// Pulls a contour to a target silhouette: key points go where the match of the contours
+/// (match_contours) puts them, what lies between slides along the silhouette as little as they
+/// permit, exterior points (find_exterior_points) become pins, and more pins come between them
+/// where straight control lines would leave the silhouette. The result is the target of a fine
 /// stage.
 /// @throws InvalidArgument for a bad loop or option; AnalysisError as match_contours()
 SilhouetteFit fit_silhouette(const Points2& source, const Points2& silhouette,

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "dupin/base/error.h"
 #include "tests/support/garments.h"
@@ -12,6 +14,7 @@ namespace dupin {
 namespace {
 
 using Eigen::Index;
+using Eigen::RowVector2d;
 
 Points2 square(double x, double y, double side) {
   Points2 loop(4, 2);
@@ -79,6 +82,39 @@ TEST(SilhouetteFit, ReachesTheSilhouette) {
       }
     }
   }
+}
+
+// A rectangle of which one side bulges in its upper half: the bulge is 8 px longer than the line it
+// leaves, and arc length would slide the lower half by up to 4 px. It stays, within 1 px.
+TEST(SilhouetteFit, WhatIsOnTheSilhouetteDoesNotSlideAlongIt) {
+  const auto outline = [](double bulge) {
+    std::vector<RowVector2d> corners;
+    for (double y = 400.0; y > 0.0; y -= 2.0) {
+      const double t = (y - 40.0) / 160.0;
+      const double out =
+          t > 0.0 && t < 1.0 ? bulge * std::pow(std::sin(std::numbers::pi * t), 2) : 0.0;
+      corners.emplace_back(-out, y);
+    }
+    corners.emplace_back(0.0, 0.0);
+    corners.emplace_back(200.0, 0.0);
+    corners.emplace_back(200.0, 400.0);
+    Points2 loop(static_cast<Index>(corners.size()), 2);
+    for (Index i = 0; i < loop.rows(); ++i) loop.row(i) = corners[static_cast<std::size_t>(i)];
+    return loop;
+  };
+  const Points2 straight = outline(0.0);
+  const Points2 target = outline(24.0);
+  SilhouetteFitOptions options;
+  options.tolerance = 0.001;
+  const SilhouetteFit fit = fit_silhouette(straight, target, options);
+  EXPECT_GT(fit.fitted.iou, 0.995);
+  const Points2 moved = move_loop(straight, fit.arcs, fit.pins);
+  double most = 0.0;
+  for (Index i = 0; i < straight.rows(); ++i) {
+    if (straight(i, 0) == 0.0 && straight(i, 1) > 220.0 && straight(i, 1) < 390.0)
+      most = std::max(most, (moved.row(i) - straight.row(i)).norm());
+  }
+  EXPECT_LT(most, 1.0);
 }
 
 TEST(SilhouetteFit, MorePinsComeCloser) {
