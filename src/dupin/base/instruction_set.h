@@ -14,6 +14,11 @@
 #endif
 #endif
 
+#ifdef DUPIN_X86
+/// A part of an AVX2 variant that says so with intrinsics.
+#define DUPIN_AVX2_INLINE inline __attribute__((always_inline, target("avx2")))
+#endif
+
 /// A function without a variant of its own: it takes the instruction set of its caller.
 #define DUPIN_INLINE inline __attribute__((always_inline))
 

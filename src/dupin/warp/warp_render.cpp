@@ -64,6 +64,30 @@ DUPIN_INLINE void store(Colour colour, T* to) {
   }
 }
 
+/// Paints pixels [span.begin, span.end) of row y over what `line`, the row of the canvas, holds.
+template <class T>
+void paint_span(const PixelReader<T>& reader, const RasterTriangle& triangle,
+                const FilterShape& shape, std::int32_t y, PixelSpan span, Colour* line) {
+  const SourceRow row(triangle, y);
+  for (std::int32_t x = span.begin; x < span.end; ++x) {
+    const auto [u, v] = row.at(x);
+    lay_over<T>(line[x], reader.read(u, v, shape));
+  }
+}
+
+#ifdef DUPIN_X86
+template <class T>
+DUPIN_AVX2 void paint_span_avx2(const PixelReader<T>& reader, const RasterTriangle& triangle,
+                                const FilterShape& shape, std::int32_t y, PixelSpan span,
+                                Colour* line) {
+  const SourceRow row(triangle, y);
+  for (std::int32_t x = span.begin; x < span.end; ++x) {
+    const auto [u, v] = row.at(x);
+    lay_over<T>(line[x], reader.read_avx2(u, v, shape));
+  }
+}
+#endif
+
 template <class T>
 class Painter {
  public:
@@ -74,6 +98,9 @@ class Painter {
         width_(output.width),
         height_(output.height),
         out_(out) {
+#ifdef DUPIN_X86
+    if (instruction_set() != InstructionSet::base) paint_ = paint_span_avx2<T>;
+#endif
     shapes_.reserve(bands.triangles.size());
     for (const RasterTriangle& triangle : bands.triangles) {
       shapes_.push_back(detail::filter_shape(triangle));
@@ -90,13 +117,10 @@ class Painter {
     for (std::size_t i = 0; i < rows * width; ++i) canvas[i] = PixelReader<T>::load(out + 4 * i);
     for_each_span(
         bands_, band, width_, height_, [&](std::int32_t number, std::int32_t y, PixelSpan span) {
-          const SourceRow row(bands_.triangles[static_cast<std::size_t>(number)], y);
+          const RasterTriangle& triangle = bands_.triangles[static_cast<std::size_t>(number)];
           const FilterShape& shape = shapes_[static_cast<std::size_t>(number)];
           Colour* const line = canvas.data() + (static_cast<std::size_t>(y) - top) * width;
-          for (std::int32_t x = span.begin; x < span.end; ++x) {
-            const auto [u, v] = row.at(x);
-            lay_over<T>(line[x], reader_.read(u, v, shape));
-          }
+          paint_(reader_, triangle, shape, y, span, line);
         });
     for (std::size_t i = 0; i < rows * width; ++i) store<T>(canvas[i], out + 4 * i);
   }
@@ -119,6 +143,8 @@ class Painter {
   int height_;
   std::vector<T>& out_;
   std::vector<FilterShape> shapes_;
+  void (*paint_)(const PixelReader<T>&, const RasterTriangle&, const FilterShape&, std::int32_t,
+                 PixelSpan, Colour*) = paint_span<T>;
 };
 
 Raster canvas_of(const Raster& source, const Raster* background, int width, int height) {

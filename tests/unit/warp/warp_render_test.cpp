@@ -2,12 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include "dupin/base/error.h"
+#include "dupin/base/instruction_set.h"
 #include "dupin/base/parallel.h"
 #include "dupin/base/random.h"
+#include "dupin/warp/pixel_filter.h"
 #include "dupin/warp/warp_depth.h"
 
 namespace dupin {
@@ -429,6 +433,52 @@ TEST(WarpRender, CancelledRunsGiveNoPicture) {
   view.height = 8;
   EXPECT_EQ(warp_map(mesh, mesh.points, {}, view, run).status, Status::cancelled);
 }
+
+#ifdef DUPIN_X86
+template <class T>
+DUPIN_AVX2 detail::Colour read_with_avx2(const detail::PixelReader<T>& reader, double u, double v,
+                                         const detail::FilterShape& shape) {
+  return reader.read_avx2(u, v, shape);
+}
+
+template <class T>
+int num_different(const std::vector<T>& pixels, int width, int height) {
+  const detail::PixelReader<T> reader(pixels, width, height);
+  Rng rng(31);
+  int count = 0;
+  for (int i = 0; i < 4000; ++i) {
+    detail::RasterTriangle triangle;
+    // From enlarging to shrinking by far more than the kernel is widened, and turned.
+    const double strength = std::pow(10.0, 3.0 * rng.uniform() - 1.5);
+    for (double& slope : triangle.slope) slope = strength * (rng.uniform() - 0.5);
+    const detail::FilterShape shape = detail::filter_shape(triangle);
+    const double u = (width + 20) * rng.uniform() - 10.0;
+    const double v = (height + 20) * rng.uniform() - 10.0;
+    const detail::Colour expected = reader.read(u, v, shape);
+    const detail::Colour actual = read_with_avx2(reader, u, v, shape);
+    count += std::memcmp(&expected, &actual, sizeof(expected)) == 0 ? 0 : 1;
+  }
+  return count;
+}
+
+// Machines with AVX2 read two rows or eight weights at a time, and get the bits of all others:
+// inside, across the border and beyond it, for every kind of filter.
+TEST(PixelReader, InstructionSetsGiveTheSameBits) {
+  if (instruction_set() == InstructionSet::base) return;
+  Rng rng(30);
+  std::vector<std::uint8_t> eight(4 * 40 * 30);
+  std::vector<std::uint16_t> sixteen(4 * 40 * 30);
+  for (std::size_t i = 0; i < eight.size(); ++i) {
+    // Alpha is often none or full, as in cut-outs.
+    const double value =
+        i % 4 == 3 ? std::clamp(3.0 * rng.uniform() - 1.0, 0.0, 1.0) : rng.uniform();
+    eight[i] = static_cast<std::uint8_t>(255.0 * value);
+    sixteen[i] = static_cast<std::uint16_t>(65535.0 * value);
+  }
+  EXPECT_EQ(num_different(eight, 40, 30), 0);
+  EXPECT_EQ(num_different(sixteen, 40, 30), 0);
+}
+#endif
 
 }  // namespace
 }  // namespace dupin
