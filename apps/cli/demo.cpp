@@ -193,12 +193,14 @@ DemoAnalysis add_subject(HtmlReport& report, const fs::path& directory, const De
   report.add_heading("Make such pictures yourself");
   const std::string kp = subject.name + "-keypoints.json";
   report.add_commands(
-      {fmt::format("dupin keypoints {} --top {} --json > {}", subject.file, kDrawn, kp),
+      {fmt::format("dupin keypoints {} --top {} --json > {}", shell_quoted(subject.file), kDrawn,
+                   kp),
        fmt::format("dupin render {} -o {}-keypoints.png --keypoints {} --view {} --size {}x{}",
-                   subject.file, subject.name, kp, subject.view, kDemoWidth, kDemoHeight),
+                   shell_quoted(subject.file), subject.name, kp, subject.view, kDemoWidth,
+                   kDemoHeight),
        fmt::format(
            "dupin render {} -o {}-loc16.png --color si_loc --level 16 --view {} --size {}x{}",
-           subject.file, subject.name, subject.view, kDemoWidth, kDemoHeight)});
+           shell_quoted(subject.file), subject.name, subject.view, kDemoWidth, kDemoHeight)});
   return analysis;
 }
 

@@ -69,9 +69,10 @@ nlohmann::ordered_json add_crest_lines(HtmlReport& report, const fs::path& direc
   report.add_pictures({draw(directory, subject, "crest", clean_scene, caption(at_clean), context),
                        draw(directory, scan, "crest", noisy_scene, caption(at_noisy), context)});
   report.add_heading("Make such pictures yourself");
-  report.add_commands({fmt::format("dupin crest {} -o {}-lines.ply", scan.file, scan.name),
-                       fmt::format("dupin render {} --lines {}-lines.ply --view {} -o {}-lines.png",
-                                   scan.file, scan.name, subject.view, scan.name)});
+  report.add_commands(
+      {fmt::format("dupin crest {} -o {}-lines.ply", shell_quoted(scan.file), scan.name),
+       fmt::format("dupin render {} --lines {}-lines.ply --view {} -o {}-lines.png",
+                   shell_quoted(scan.file), scan.name, subject.view, scan.name)});
   const auto figures = [](const Drawn& drawn) {
     return nlohmann::ordered_json{{"lines", drawn.num_lines},
                                   {"length_in_mean_edges", drawn.length},

@@ -392,12 +392,13 @@ nlohmann::ordered_json add_noisy_scan(HtmlReport& report, const fs::path& direct
   report.add_heading("Make such pictures yourself");
   const std::string base = subject.name + "-noisy";
   report.add_commands(
-      {fmt::format("dupin mls noise {}", scan.subject.file),
-       fmt::format("dupin keypoints {} --significance {} --json > {}-kept.json", scan.subject.file,
-                   kSignificance, base),
+      {fmt::format("dupin mls noise {}", shell_quoted(scan.subject.file)),
+       fmt::format("dupin keypoints {} --significance {} --json > {}-kept.json",
+                   shell_quoted(scan.subject.file), kSignificance, base),
        fmt::format("dupin render {} -o {}-kept.png --keypoints {}-kept.json --color snr --view {} "
                    "--size {}x{}",
-                   scan.subject.file, base, base, subject.view, kDemoWidth, kDemoHeight)});
+                   shell_quoted(scan.subject.file), base, base, subject.view, kDemoWidth,
+                   kDemoHeight)});
   report.add_paragraph(fmt::format("The error bars took {:.1f} s.", scan.seconds));
   return figures;
 }

@@ -178,10 +178,10 @@ nlohmann::ordered_json add_registration(HtmlReport& report, const fs::path& dire
       refused.accepted ? "a pose all the same" : "no", refused.sentence));
   report.add_pictures({draw_one(pictures_of(refused).after[0], "mirror")});
   report.add_heading("Make such pages yourself");
-  report.add_commands(
-      {fmt::format("dupin register {} {} --report registered.html", moving.file, fixed.file),
-       fmt::format("dupin register {} {} --scale fixed --report refused.html", mirror.file,
-                   fixed.file)});
+  report.add_commands({fmt::format("dupin register {} {} --report registered.html",
+                                   shell_quoted(moving.file), shell_quoted(fixed.file)),
+                       fmt::format("dupin register {} {} --scale fixed --report refused.html",
+                                   shell_quoted(mirror.file), shell_quoted(fixed.file))});
   return {{"pair", figures_of(answer)}, {"mirror_image", figures_of(refused)}};
 }
 

@@ -119,10 +119,10 @@ void add_local_scale(HtmlReport& report, const fs::path& directory, Context& con
   report.add_commands(
       {fmt::format("dupin mls scale {} --noise {:.4g} --samples {} --realisations 50 --experiments "
                    "6 --sizes {} --field neighbors=neighbours.npy --report scale.html",
-                   subject.file, sigma, kTested, list),
+                   shell_quoted(subject.file), sigma, kTested, list),
        fmt::format("dupin render {} -o neighbours.png --color neighbours.npy --no-value -1 "
                    "--no-value-label \"no size passes\" --view {} --size {}x{}",
-                   subject.file, subject.view, kDemoWidth, kDemoHeight)});
+                   shell_quoted(subject.file), subject.view, kDemoWidth, kDemoHeight)});
   report.add_paragraph(
       fmt::format("The tests took {:.1f} s. The page that --report writes shows the whole "
                   "validation at one vertex.",

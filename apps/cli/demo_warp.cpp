@@ -109,12 +109,14 @@ Json add_warps(HtmlReport& report, const fs::path& directory, Context& context) 
                    "Triangles that fold over, and by what factor lengths change at most: 1 is "
                    "none. Straight distances are for comparison.");
   report.add_heading("Make such pictures yourself");
-  const std::string shirt = (directory / "shirt").string();
-  report.add_commands(
-      {fmt::format("dupin warp new {0}.png -o mine.dwarp --density more", shirt),
-       fmt::format("dupin warp render {0}.dwarp -o {0}-after.png --pins-picture {0}-pins.png",
-                   shirt),
-       fmt::format("dupin warp render {0}.dwarp -o {0}-straight.png --method image-mls", shirt)});
+  const auto file = [&](const char* ending) {
+    return shell_quoted((directory / ("shirt" + std::string(ending))).string());
+  };
+  report.add_commands({fmt::format("dupin warp new {} -o mine.dwarp --density more", file(".png")),
+                       fmt::format("dupin warp render {} -o {} --pins-picture {}", file(".dwarp"),
+                                   file("-after.png"), file("-pins.png")),
+                       fmt::format("dupin warp render {} -o {} --method image-mls", file(".dwarp"),
+                                   file("-straight.png"))});
   return all;
 }
 

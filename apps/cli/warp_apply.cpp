@@ -25,6 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kReport = "report.json";
 constexpr const char* kPage = "report.html";
+constexpr double kSecondsBetweenReports = 2.0;  // so that thousands of rows are not written often
 
 struct ApplyRequest {
   std::string project;
@@ -40,8 +41,8 @@ std::string path_in(const ApplyRequest& request, const std::string& name) {
   return (fs::path(request.directory) / name).string();
 }
 
-// Each output is one file of one picture, and none is an input.
-void require_names(const ApplyRequest& request) {
+// Each output is one file of one picture, and none is an input; `picture` is the template's.
+void require_names(const ApplyRequest& request, const std::string& picture) {
   std::set<std::string> inputs;
   std::error_code error;
   const auto whole = [&](const std::string& path) {
@@ -52,7 +53,16 @@ void require_names(const ApplyRequest& request) {
     if (image == "-") throw InvalidArgument("a collection is of files, not standard input");
     inputs.insert(whole(image));
   }
-  inputs.insert(whole(request.project));
+  for (const std::string& file : {request.project, picture}) {
+    if (!file.empty()) inputs.insert(whole(file));
+  }
+  const auto require_no_input = [&](const std::string& name) {
+    if (inputs.count(whole(path_in(request, name))) == 0) return;
+    throw InvalidArgument("the output " + escaped(path_in(request, name)) + " is an input",
+                          "another directory for -o");
+  };
+  require_no_input(kReport);
+  require_no_input(kPage);
   std::map<std::string, std::string> owner = {{kReport, "the report"}, {kPage, "the report"}};
   for (const std::string& image : request.images) {
     const ApplyOutputs names = outputs_of(image);
@@ -63,10 +73,7 @@ void require_names(const ApplyRequest& request) {
                                   escaped(place->second) + " and " + escaped(image),
                               "give each a name of its own");
       }
-      if (inputs.count(whole(path_in(request, name))) != 0) {
-        throw InvalidArgument("the output " + escaped(path_in(request, name)) + " is an input",
-                              "another directory for -o");
-      }
+      require_no_input(name);
     }
   }
 }
@@ -87,7 +94,9 @@ std::map<std::string, Json> earlier_rows(const ApplyRequest& request, const Cont
     const FileBytes bytes = FileBytes::open(file, context.read.limits, context.run);
     const Json report =
         bytes.judge(file, [&] { return Json::parse(bytes.bytes().begin(), bytes.bytes().end()); });
-    for (const Json& row : report.at("rows")) rows[row.at("image").get<std::string>()] = row;
+    for (const Json& row : report.at("rows")) {
+      if (is_intact(row)) rows[row.at("image").get<std::string>()] = row;
+    }
   } catch (const IoError&) {
     return {};
   } catch (const nlohmann::json::exception&) {
@@ -98,6 +107,7 @@ std::map<std::string, Json> earlier_rows(const ApplyRequest& request, const Cont
 
 ApplyJob job_of(const ApplyRequest& request, Context& context, const RunControl& run) {
   const WarpInput input = load_warp(request.project, context, run.stage(0.0, 0.3));
+  require_names(request, input.picture.file);
   const ProjectMesh mesh = mesh_of(input, context, run.stage(0.3, 0.6));
   ApplyJob job{
       context, make_pose_template(input.project, mesh, run.stage(0.6, 1.0)), {}, {}, 0.5, false,
@@ -113,12 +123,14 @@ ApplyJob job_of(const ApplyRequest& request, Context& context, const RunControl&
   return job;
 }
 
-std::string command_of(const ApplyRequest& request) {
+std::string command_of(const ApplyRequest& request, bool is_strict) {
   std::string line = "dupin warp apply " + shell_quoted(request.project);
   for (const std::string& image : request.images) line += " " + shell_quoted(image);
   line += " -o " + shell_quoted(request.directory) + " --report";
   if (request.rule != "relative") line += " --target-rule " + request.rule;
-  return line;
+  if (request.min_confidence != ApplyRequest{}.min_confidence)
+    line += fmt::format(" --min-confidence {}", request.min_confidence);
+  return is_strict ? line + " --strict" : line;
 }
 
 Json report_of(const ApplyRequest& request, const Json& rows) {
@@ -138,14 +150,18 @@ Json report_of(const ApplyRequest& request, const Json& rows) {
 
 Json apply_all(Context& context, const ApplyRequest& request) {
   const RunControl& run = context.run;
-  require_names(request);
+  if (request.directory.empty() || request.directory == "-")
+    throw InvalidArgument("-o needs a directory");
+  require_names(request, "");
   const ApplyJob job = job_of(request, context, run.stage(0.0, 0.05));
   make_directory(request.directory);
   require_writable(path_in(request, kReport));
+  if (request.has_page) require_writable(path_in(request, kPage));
   const std::map<std::string, Json> earlier = earlier_rows(request, context);
   const auto count = static_cast<Eigen::Index>(request.images.size());
   std::vector<Json> made(request.images.size());
   Json rows = Json::array();
+  auto written = std::chrono::steady_clock::now();
   for (Eigen::Index first = 0; first < count; first += request.jobs) {
     const Eigen::Index last = std::min(count, first + request.jobs);
     parallel_for(first, last, 1, [&](Eigen::Index begin, Eigen::Index end) {
@@ -160,13 +176,26 @@ Json apply_all(Context& context, const ApplyRequest& request) {
                       run.stage(share(i), share(i + 1)));
       }
     });
+    for (Eigen::Index i = first; i < last; ++i) {
+      if (const Json& row = made[static_cast<std::size_t>(i)]; !row.is_null()) rows.push_back(row);
+    }
+    // What is finished is known, should the run be stopped; what an earlier run finished, too.
+    const std::chrono::duration<double> since = std::chrono::steady_clock::now() - written;
+    if (since.count() > kSecondsBetweenReports || run.cancelled() || last == count) {
+      Json known = rows;
+      for (Eigen::Index i = 0; i < count; ++i) {
+        const auto before = earlier.find(request.images[static_cast<std::size_t>(i)]);
+        if (before != earlier.end() && made[static_cast<std::size_t>(i)].is_null())
+          known.push_back(before->second);
+      }
+      write_file_atomically(path_in(request, kReport), to_text(report_of(request, known)));
+      written = std::chrono::steady_clock::now();
+    }
     run.throw_if_cancelled();
-    for (Eigen::Index i = first; i < last; ++i) rows.push_back(made[static_cast<std::size_t>(i)]);
-    // What is finished is known, should the run be stopped.
-    write_file_atomically(path_in(request, kReport), to_text(report_of(request, rows)));
   }
   if (request.has_page)
-    write_file_atomically(path_in(request, kPage), apply_page(job, rows, command_of(request)));
+    write_file_atomically(path_in(request, kPage),
+                          apply_page(job, rows, command_of(request, context.strict)));
   return rows;
 }
 
@@ -186,8 +215,9 @@ void run_apply(Context& context, const ApplyRequest& request) {
   for (const Json& row : rows) {
     const std::string status = row.at("status").get<std::string>();
     if (status == "ok") continue;
-    const std::string reason = status == "failed" ? row.at("error").at("message").get<std::string>()
-                                                  : row.at("reasons").dump();
+    const auto part = [&](const char* name) { return row.at("error").at(name).get<std::string>(); };
+    const std::string reason =
+        status == "failed" ? part("code") + ": " + part("message") : row.at("reasons").dump();
     context.say(fmt::format("  {}: {}: {}", escaped(row.at("image").get<std::string>()), status,
                             escaped(reason)));
   }

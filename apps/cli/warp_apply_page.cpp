@@ -81,8 +81,9 @@ void add_failures(HtmlReport& report, const Json& rows) {
   }
   if (failures.empty()) return;
   report.add_section("Failed");
-  report.add_table({"picture", "code", "what is wrong"}, failures,
-                   "These pictures have no output.");
+  report.add_table(
+      {"picture", "code", "what is wrong"}, failures,
+      "Nothing was written for these; what an earlier run made of them may still lie there.");
 }
 
 void add_overview(HtmlReport& report, const Json& rows) {

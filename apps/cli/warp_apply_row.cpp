@@ -11,6 +11,7 @@
 #include "dupin/io/png.h"
 #include "dupin/render/color_map.h"
 #include "dupin/render/text.h"
+#include "dupin/warp/project_stages.h"
 #include "dupin/warp/sha256.h"
 #include "dupin/warp/warp_render.h"
 #include "surface_input.h"
@@ -37,21 +38,43 @@ std::string digest_of(const ApplyJob& job, const std::string& file) {
   return bytes.judge(file, [&] { return sha256_hex(bytes.bytes()); });
 }
 
+std::string digest_of(Json row) {
+  row.erase("digest");
+  row.erase("reused");
+  return sha256_hex(to_text(row));
+}
+
 // The row of an earlier run still holds: the same inputs, and the outputs as it left them.
+// @throws AnalysisError E_OUTPUT_CHANGED if somebody has worked on its project since
 bool is_current(const ApplyJob& job, const Json& row, const std::string& inputs) {
-  try {
-    if (!row.is_object() || row.at("inputs") != inputs || row.at("status") == "failed")
-      return false;
-    for (const Json& output : row.at("outputs")) {
-      const std::string file = in_folder(job, output.at("file").get<std::string>());
-      if (digest_of(job, file) != output.at("sha256")) return false;
+  if (row.is_null() || row.at("status") == "failed") return false;
+  bool is_same = row.at("inputs") == inputs;
+  for (const Json& output : row.at("outputs")) {
+    const std::string name = output.at("file").get<std::string>();
+    try {
+      if (digest_of(job, in_folder(job, name)) == output.at("sha256")) continue;
+    } catch (const IoError&) {
+      is_same = false;
+      continue;
     }
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  } catch (const IoError&) {
-    return false;
+    is_same = false;
+    if (name != outputs_of(row.at("image").get<std::string>()).project) continue;
+    throw in_file(AnalysisError("E_OUTPUT_CHANGED", "the project was changed since it was made",
+                                "keep it under another name, or remove it to have it made anew"),
+                  in_folder(job, name));
   }
+  return is_same;
+}
+
+// Outputs that lie there all the same when a picture fails: of an earlier run.
+Json stale_outputs(const ApplyJob& job, const std::string& image) {
+  Json found = Json::array();
+  const ApplyOutputs names = outputs_of(image);
+  for (const std::string& name : {names.project, names.picture, names.strip}) {
+    std::error_code error;
+    if (std::filesystem::is_regular_file(in_folder(job, name), error)) found.push_back(name);
+  }
+  return found;
 }
 
 // A project with the settings of the template. A contour drawn by hand is that of its own picture.
@@ -160,11 +183,15 @@ Json pins_json(const AppliedTemplate& applied) {
 }
 
 // Why a picture wants to be looked at; empty if it does not.
-Json reasons_of(const ApplyJob& job, const AppliedTemplate& applied, double least) {
+Json reasons_of(const ApplyJob& job, const AppliedTemplate& applied, double least,
+                const WarningList& warnings) {
   Json reasons = Json::array();
   if (applied.match_confidence < job.min_confidence) reasons.push_back("match");
   if (least < job.min_confidence) reasons.push_back("pins");
   if (!applied.deformation.quality.flipped.empty()) reasons.push_back("flipped");
+  for (const Warning& warning : warnings.all()) {
+    if (warning.code == "W_CUT_OFF") reasons.push_back("cut off");
+  }
   if (applied.status == Status::not_converged) reasons.push_back("not converged");
   return reasons;
 }
@@ -180,7 +207,7 @@ void fill_row(Json& row, const ApplyJob& job, const AppliedTemplate& applied,
     }
   }
   const WarpQuality& quality = applied.deformation.quality;
-  const Json reasons = reasons_of(job, applied, least);
+  const Json reasons = reasons_of(job, applied, least, warnings);
   row["status"] = reasons.empty() ? "ok" : "doubtful";
   row["reasons"] = reasons;
   row["match_confidence"] = applied.match_confidence;
@@ -213,7 +240,9 @@ Json make_row(const ApplyJob& job, const std::string& image, const Json& before,
     picture.sha256 = sha256_hex(bytes.bytes());
     return 0;
   });
-  const std::string inputs = sha256_hex(job.template_digest + picture.sha256);
+  const ApplyOutputs names = outputs_of(image);
+  const std::string inputs = sha256_hex(job.template_digest + picture.sha256 +
+                                        picture_path(image, in_folder(job, names.project)));
   if (is_current(job, before, inputs)) {
     Json row = before;
     row["reused"] = true;
@@ -227,18 +256,20 @@ Json make_row(const ApplyJob& job, const std::string& image, const Json& before,
   run.throw_if_cancelled();
   WarningList warnings = png.warnings;
   warnings.append(applied.warnings);
-  require_no_warning(job, image, warnings);
+  warnings.append(ignored_pins(applied.project));
   const Deformation& moved = applied.deformation;
+  warn_of_cut(applied.project, moved.points, view_of(job, picture.raster), warnings);
+  require_no_warning(job, image, warnings);
   const WarpPicture warped =
       render_warp(picture.raster, applied.mesh.meshed.mesh, moved.points, moved.paint_order,
                   view_of(job, picture.raster), nullptr, run.stage(0.7, 0.9));
   run.throw_if_cancelled();
-  const ApplyOutputs names = outputs_of(image);
   std::vector<std::pair<std::string, std::string>> outputs = {
       {names.project, format_project(applied.project)}, {names.picture, format_png(warped.raster)}};
   if (job.has_page)
     outputs.emplace_back(names.strip, format_png(strip_of(job, picture.raster, applied, run)));
   run.throw_if_cancelled();
+  for (const auto& output : outputs) require_writable(in_folder(job, output.first));
   Json row{{"image", image}};
   fill_row(row, job, applied, warnings);
   row["outputs"] = Json::array();
@@ -249,10 +280,15 @@ Json make_row(const ApplyJob& job, const std::string& image, const Json& before,
   row["inputs"] = inputs;
   row["reused"] = false;
   row["error"] = nullptr;
+  row["digest"] = digest_of(row);
   return row;
 }
 
 }  // namespace
+
+bool is_intact(const Json& row) {
+  return row.is_object() && row.value("digest", Json()) == Json(digest_of(row));
+}
 
 ApplyOutputs outputs_of(const std::string& image) {
   const std::string stem = std::filesystem::path(image).stem().string();
@@ -268,8 +304,10 @@ Json apply_row(const ApplyJob& job, const std::string& image, const Json& before
     const Error placed = in_file(error, image);
     Json row{{"image", image}, {"status", "failed"}, {"reasons", {error.code()}}};
     row["outputs"] = Json::array();
+    row["stale"] = stale_outputs(job, image);
     row["reused"] = false;
     row["error"] = to_json(placed);
+    row["digest"] = digest_of(row);
     return row;
   }
 }

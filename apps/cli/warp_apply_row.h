@@ -35,6 +35,9 @@ ApplyOutputs outputs_of(const std::string& image);
 nlohmann::ordered_json apply_row(const ApplyJob& job, const std::string& image,
                                  const nlohmann::ordered_json& before, const RunControl& run);
 
+/// Whether a row of an earlier report is as it was written.
+bool is_intact(const nlohmann::ordered_json& row);
+
 /// The page of all rows. @param command what makes it again
 std::string apply_page(const ApplyJob& job, const nlohmann::ordered_json& rows,
                        const std::string& command);

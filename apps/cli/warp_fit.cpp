@@ -75,8 +75,8 @@ Fitted fit(Context& context, const FitRequest& request) {
   const Points2& target = largest_loop(silhouette);
   made.mesh = mesh_of(made.input, context, run.stage(0.2, 0.4));
   made.warnings.append(made.mesh.warnings);
-  const Deformation before = deform(made.mesh.meshed.mesh, stages_of(project, made.mesh.anchors),
-                                    deform_options_of(project), run.stage(0.4, 0.5));
+  const Deformation before =
+      deformation_of(made.input, made.mesh, true, context, run.stage(0.4, 0.5));
   run.throw_if_cancelled();
   const Points2 source = largest_loop(border_outline(made.mesh, before.points));
   SilhouetteFitOptions options = request.options;
@@ -96,6 +96,7 @@ Fitted fit(Context& context, const FitRequest& request) {
   made.iou_before = made.fit.before.iou;
   made.iou_after =
       compute_overlap(largest_loop(border_outline(made.mesh, made.deformation.points)), target).iou;
+  project.image.path = picture_path(made.input.picture.file, request.output);
   const std::string text = format_project(project);
   run.throw_if_cancelled();
   write_file_atomically(request.output, text);

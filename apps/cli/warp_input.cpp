@@ -51,7 +51,10 @@ LoadedPicture decode(const FileBytes& file, const std::string& name, Context& co
 bool is_same_file(const std::string& a, const std::string& b) {
   if (a == b) return true;
   std::error_code error;
-  return std::filesystem::equivalent(a, b, error) && !error;
+  if (std::filesystem::equivalent(a, b, error) && !error) return true;
+  // Files that are not there yet.
+  const std::filesystem::path whole = std::filesystem::weakly_canonical(a, error);
+  return !error && whole == std::filesystem::weakly_canonical(b, error) && !error;
 }
 
 }  // namespace
@@ -69,7 +72,14 @@ std::string read_text(const std::string& file, Context& context) {
 }
 
 WarpProject load_project(const std::string& file, Context& context) {
-  return naming(file, [&] { return parse_project(read_text(file, context)); });
+  return naming(file, [&] {
+    const std::string text = read_text(file, context);
+    if (text.starts_with("\x89PNG")) {
+      throw IoError(Errc::malformed, "E_MAGIC", "a PNG picture, not a project", {file},
+                    "dupin warp new makes a project of a picture");
+    }
+    return parse_project(text);
+  });
 }
 
 WarpInput load_warp(const std::string& file, Context& context, const RunControl& run) {
@@ -104,22 +114,49 @@ bool is_png_file(const std::string& file, const Context& context) {
   return bytes.judge(file, [&] { return is_png(bytes.bytes()); });
 }
 
-WarpProject new_project(const LoadedPicture& picture, const std::string& project_file) {
-  if (picture.file == "-")
-    throw InvalidArgument("a project needs a picture in a file", "save it first");
+std::string picture_path(const std::string& picture_file, const std::string& project_file) {
   std::filesystem::path folder = std::filesystem::path(project_file).parent_path();
   if (folder.empty() || project_file == "-") folder = ".";
   std::error_code error;
-  const std::filesystem::path path = std::filesystem::relative(picture.file, folder, error);
+  const std::filesystem::path relative = std::filesystem::relative(picture_file, folder, error);
+  const std::string path = error ? picture_file : relative.generic_string();
+  // "a:b" would be a path of another system.
+  return path.find(':') == 1 ? "./" + path : path;
+}
+
+void warn_of_cut(const WarpProject& project, const Points2& points, const WarpView& view,
+                 WarningList& warnings) {
+  const double margin = (project.contour.expansion + 1.0) * view.target_scale;
+  Eigen::Index first = -1;
+  Eigen::Index count = 0;
+  for (Eigen::Index v = 0; v < points.rows(); ++v) {
+    const Eigen::RowVector2d place = view.target_scale * points.row(v);
+    if (place.x() >= -margin && place.y() >= -margin && place.x() <= view.width + margin &&
+        place.y() <= view.height + margin)
+      continue;
+    if (count++ == 0) first = v;
+  }
+  if (count == 0) return;
+  warnings.add(
+      "W_CUT_OFF",
+      fmt::format("vertex {} at ({:.1f}, {:.1f})", first, view.target_scale * points(first, 0),
+                  view.target_scale * points(first, 1)),
+      "vertices outside the picture: that part of the shape is not drawn", count);
+}
+
+WarpProject new_project(const LoadedPicture& picture, const std::string& project_file) {
+  if (picture.file == "-")
+    throw InvalidArgument("a project needs a picture in a file", "save it first");
   WarpProject project;
   project.program = kVersion;
-  project.image.path = error ? picture.file : path.generic_string();
-  // "a:b" would be a path of another system.
-  if (project.image.path.find(':') == 1) project.image.path = "./" + project.image.path;
+  project.image.path = picture_path(picture.file, project_file);
   project.image.sha256 = picture.sha256;
   project.image.width = picture.raster.width;
   project.image.height = picture.raster.height;
-  validate(project);
+  naming(picture.file, [&] {
+    validate(project);
+    return 0;
+  });
   return project;
 }
 
@@ -137,13 +174,7 @@ Deformation deformation_of(const WarpInput& input, const ProjectMesh& mesh,
   options.warp.is_unanchored_allowed = is_unanchored_allowed;
   Deformation deformation = naming(input.file, [&] {
     const std::vector<DeformStage> stages = stages_of(input.project, mesh.anchors);
-    constexpr double kLimit = 4e9;
-    if (const double bytes = table_bytes(mesh.meshed.mesh, stages); bytes > kLimit) {
-      throw Error(Errc::over_limit, "E_TOO_LARGE",
-                  fmt::format("{} vertices and so many pins need {:.1f} GB, the limit is {:.0f}",
-                              mesh.meshed.mesh.points.rows(), bytes / 1e9, kLimit / 1e9),
-                  {}, "a coarser mesh, or fewer pins");
-    }
+    require_tables(mesh.meshed.mesh, stages);
     return deform(mesh.meshed.mesh, stages, options, run);
   });
   context.run.throw_if_cancelled();

@@ -10,6 +10,7 @@
 #include "dupin/warp/deform.h"
 #include "dupin/warp/project.h"
 #include "dupin/warp/project_mesh.h"
+#include "dupin/warp/warp_render.h"
 
 namespace dupin::cli {
 
@@ -43,6 +44,9 @@ WarpInput load_warp(const std::string& file, Context& context, const RunControl&
 /// Whether the file begins as a PNG does. @throws IoError as FileBytes::open()
 bool is_png_file(const std::string& file, const Context& context);
 
+/// How a project at `project_file` names the picture: relative to its folder.
+std::string picture_path(const std::string& picture_file, const std::string& project_file);
+
 /// A project with the default settings for `picture`, to be written to `project_file`.
 /// @throws InvalidArgument if the picture is standard input, or its path cannot be in a project
 WarpProject new_project(const LoadedPicture& picture, const std::string& project_file);
@@ -57,6 +61,10 @@ ProjectMesh mesh_of(const WarpInput& input, Context& context, const RunControl& 
 /// deform() by the stages of the project, the same way.
 Deformation deformation_of(const WarpInput& input, const ProjectMesh& mesh,
                            bool is_unanchored_allowed, Context& context, const RunControl& run);
+
+/// Adds W_CUT_OFF, if vertices lie outside the output by more than the margin of the contour.
+void warn_of_cut(const WarpProject& project, const Points2& points, const WarpView& view,
+                 WarningList& warnings);
 
 /// Refuses outputs that are one of the inputs, or each other, or cannot be written; empty ones are
 /// none. @throws InvalidArgument; IoError E_WRITE

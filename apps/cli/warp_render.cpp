@@ -93,6 +93,10 @@ Rendered render(Context& context, const RenderRequest& request) {
       render_warp(made.input.picture.raster, mesh, deformation.points, deformation.paint_order,
                   made.view, background ? &background->raster : nullptr, run.stage(0.7, 0.9));
   run.throw_if_cancelled();
+  WarningList cut;
+  warn_of_cut(made.input.project, deformation.points, made.view, cut);
+  context.report(request.project, cut);
+  made.warnings.append(cut);
   // All work is done before the first output: a run that is stopped leaves none of them. Pixels go
   // as soon as they are packed, for a map takes twice the memory of a picture.
   drop_pixels(made.input.picture.raster);

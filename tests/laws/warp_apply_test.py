@@ -197,6 +197,82 @@ class WarpApplyLaw(Law):
         self.assertEqual(self.dupin("warp", "apply", "none.dwarp", "long.png", "-o", "out")[0], 3)
         self.assertFalse(os.path.exists(self.path("out")))
 
+    def test_inputs_are_never_written(self):
+        """The template's own picture, and projects and pictures called as the reports are, stay."""
+        os.mkdir(self.path("other"))
+        self.write("other/base.png", drawn(t_shirt(width=66)))
+        before = self.read("base.png")
+        self.apply(2, "other/base.png", "-o", ".")
+        self.assertEqual(self.read("base.png"), before)
+        os.mkdir(self.path("out"))
+        self.done("warp", "new", "base.png", "-o", "pose2.dwarp", "--pins", "pins.json")
+        os.rename(self.path("pose2.dwarp"), self.path("out", "report.json"))
+        kept = self.read("out", "report.json")
+        status, _, err = self.dupin("warp", "apply", "out/report.json", "long.png", "-o", "out")
+        self.assertEqual(status, 2, err)
+        self.assertEqual(self.read("out", "report.json"), kept)
+        self.apply(2, "long.png", "-o", "")
+        self.apply(2, "long.png", "-o", "-")
+
+    def test_rows_that_were_touched_are_made_anew(self):
+        """A report whose rows are no longer what was written is no answer, whatever is wrong with it."""
+        whole = self.apply(0, "long.png", "-o", "out", "--min-confidence", "0.2", "--report")
+        for key, value in (("stretch", None), ("reasons", 5), ("status", 7), ("match_confidence", "x"), ("outputs", [])):
+            report = json.loads(self.read("out", "report.json"))
+            report["rows"][0][key] = value
+            self.write("out/report.json", json.dumps(report))
+            again = self.apply(0, "long.png", "-o", "out", "--min-confidence", "0.2", "--report")
+            self.assertEqual(again["reused"], 0, key)
+            self.assertEqual(without_times(again), without_times(whole), key)
+
+    def test_a_project_changed_by_hand_is_kept(self):
+        self.apply(0, "long.png", "-o", "out", "--min-confidence", "0.2")
+        project = json.loads(self.read("out", "long.dwarp"))
+        del project["checksum"]
+        project["stages"][0]["pins"][0]["target"][0] += 3
+        self.write("out/long.dwarp", json.dumps(project))
+        kept = self.read("out", "long.dwarp")
+        row = self.apply(1, "long.png", "-o", "out", "--min-confidence", "0.2")["rows"][0]
+        self.assertEqual((row["status"], row["error"]["code"]), ("failed", "E_OUTPUT_CHANGED"))
+        self.assertEqual(row["stale"], ["long.dwarp", "long.png"])
+        self.assertEqual(self.read("out", "long.dwarp"), kept)
+        os.remove(self.path("out", "long.dwarp"))
+        self.assertEqual(self.apply(0, "long.png", "-o", "out", "--min-confidence", "0.2")["reused"], 0)
+
+    def test_projects_name_the_picture_they_were_made_of(self):
+        """The same bytes from another folder are no reason to leave a project that names the first one."""
+        for folder in ("a", "b"):
+            os.mkdir(self.path(folder))
+            self.write(folder + "/long.png", self.read("long.png"))
+        self.apply(0, "a/long.png", "-o", "out", "--min-confidence", "0.2")
+        self.apply(0, "b/long.png", "-o", "out", "--min-confidence", "0.2")
+        self.assertEqual(json.loads(self.read("out", "long.dwarp"))["image"]["path"], "../b/long.png")
+
+    def test_what_leaves_the_picture_is_told(self):
+        far = [dict(p, target=[p["target"][0] + 60, p["target"][1]]) for p in PINS]
+        self.write("pins.json", json.dumps(far))
+        self.done("warp", "new", "base.png", "-o", "pose.dwarp", "--pins", "pins.json", "--density", "900")
+        row = self.apply(1, "long.png", "-o", "out", "--min-confidence", "0.2")["rows"][0]
+        self.assertEqual((row["status"], row["reasons"]), ("doubtful", ["cut off"]))
+        self.assertEqual([w["code"] for w in row["warnings"]], ["W_CUT_OFF"])
+        rendered = json.loads(self.done("warp", "render", "pose.dwarp", "-o", "far.png", "--json"))
+        self.assertEqual([w["code"] for w in rendered["warnings"]], ["W_CUT_OFF"])
+
+    def test_pins_of_the_wrong_kind_are_told(self):
+        project = json.loads(self.read("pose.dwarp"))
+        del project["checksum"]
+        for p in project["stages"][0]["pins"]:
+            p["kind"] = "exterior"
+        self.write("pose.dwarp", json.dumps(project))
+        row = self.apply(0, "long.png", "-o", "out", "--min-confidence", "0.2")["rows"][0]
+        self.assertEqual([w["code"] for w in row["warnings"]], ["W_PIN_IGNORED"])
+
+    def test_a_fit_in_another_folder_finds_its_picture(self):
+        os.mkdir(self.path("fits"))
+        self.done("warp", "fit", "pose.dwarp", "--silhouette", "long.png", "-o", "fits/f.dwarp", "--min-overlap", "0.5",
+                  "--min-confidence", "0")
+        self.done("warp", "render", "fits/f.dwarp", "-o", "fits/f.png")
+
     # ---- fit --------------------------------------------------------------------------------
 
     def test_a_shirt_fills_the_silhouette_of_another(self):

@@ -531,6 +531,16 @@ class BadOptions(WarpLaw):
         self.refused(2, "E_OPTION", "warp", "mesh", "p.dwarp", "-o", "./disc.png")
         self.assertEqual(self.read("disc.png"), before)
 
+    def test_two_outputs_are_two_files(self):
+        self.refused(2, "E_OPTION", "warp", "render", "p.dwarp", "-o", "new.png", "--pins-picture", "./new.png")
+
+    def test_a_picture_is_no_project(self):
+        self.assertIn("warp new", self.refused(4, "E_MAGIC", "warp", "render", "disc.png", "-o", "new.png")["hint"])
+
+    def test_a_byte_order_mark_is_skipped(self):
+        self.write("q.dwarp", b"\xef\xbb\xbf" + self.read("p.dwarp"))
+        self.render("q.dwarp")
+
     def test_too_large_an_output(self):
         self.refused(6, "E_IMAGE_TOO_LARGE", "warp", "render", "p.dwarp", "-o", "none.png", "--scale", "64", "--max-image-pixels", "100000")
 

@@ -48,8 +48,9 @@ WarpProject with_stages(const WarpProject& project, std::size_t count) {
 }
 
 Deformation deformed(const WarpProject& project, const ProjectMesh& mesh, const RunControl& run) {
-  return deform(mesh.meshed.mesh, stages_of(project, mesh.anchors), deform_options_of(project),
-                run);
+  const std::vector<DeformStage> stages = stages_of(project, mesh.anchors);
+  require_tables(mesh.meshed.mesh, stages);
+  return deform(mesh.meshed.mesh, stages, deform_options_of(project), run);
 }
 
 RowVector2d box_centre(const Points2& loop) {

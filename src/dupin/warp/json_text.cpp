@@ -60,6 +60,7 @@ class Parser {
       throw over_limit("E_TOO_LARGE", std::to_string(text_.size()) + " bytes, the limit is " +
                                           std::to_string(limits_.max_bytes));
     if (text_.empty()) throw json_error("E_EMPTY", "no bytes", 0);
+    if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;  // the mark that some editors put first
     JsonValue value = parse_value(0);
     skip_space();
     if (at_ < text_.size()) throw unexpected("the end");

@@ -1,6 +1,7 @@
 #include "dupin/warp/project_stages.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numbers>
 #include <string>
@@ -67,17 +68,24 @@ std::vector<DeformStage> stages_of(const WarpProject& project,
   return stages;
 }
 
-double table_bytes(const PlanarMesh& mesh, const std::vector<DeformStage>& stages) {
+void require_tables(const PlanarMesh& mesh, const std::vector<DeformStage>& stages) {
   // At most so many samples lie on the lines of a stage; a pin has a distance to every vertex and
   // three numbers in the table of moving least squares, a sample a distance.
   constexpr double kLineSamples = 256.0;
   constexpr double kNumbersOfPin = 5.0;
+  constexpr double kMaxTableBytes = 4e9;
   double most = 0.0;
   for (const DeformStage& stage : stages) {
     const double samples = stage.lines.empty() ? 0.0 : kLineSamples;
     most = std::max(most, kNumbersOfPin * static_cast<double>(stage.pins.size()) + samples);
   }
-  return most * sizeof(double) * static_cast<double>(mesh.points.rows());
+  const double bytes = most * sizeof(double) * static_cast<double>(mesh.points.rows());
+  if (!(bytes > kMaxTableBytes)) return;
+  throw Error(Errc::over_limit, "E_TOO_LARGE",
+              std::to_string(mesh.points.rows()) + " vertices and so many pins need " +
+                  std::to_string(static_cast<int>(std::ceil(bytes / 1e9))) + " GB, the limit is " +
+                  std::to_string(static_cast<int>(kMaxTableBytes / 1e9)),
+              {}, "a coarser mesh, or fewer pins");
 }
 
 WarningList ignored_pins(const WarpProject& project) {

@@ -19,9 +19,10 @@ namespace dupin {
 std::vector<DeformStage> stages_of(const WarpProject& project,
                                    const std::vector<std::optional<MeshPoint>>& anchors = {});
 
-/// Bytes that the tables of the largest stage take: distances and weights, #V by pins and samples
-/// of control lines. A project may ask for far more than a computer has.
-double table_bytes(const PlanarMesh& mesh, const std::vector<DeformStage>& stages);
+/// Throws if the tables of the largest stage would take more than 4 GB: distances and weights, #V
+/// by pins and samples of control lines. A project may ask for far more than a computer has.
+/// @throws Error(Errc::over_limit) E_TOO_LARGE. Cost: O(stages).
+void require_tables(const PlanarMesh& mesh, const std::vector<DeformStage>& stages);
 
 /// W_PIN_IGNORED, if stages have pins of the other kind, which move nothing there.
 WarningList ignored_pins(const WarpProject& project);

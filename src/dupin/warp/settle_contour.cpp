@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "dupin/base/error.h"
 #include "dupin/warp/contour_curvature.h"
 
 namespace dupin::detail {
@@ -106,7 +107,12 @@ VectorXd fit_displacement(const Points2& nodes, const Silhouette& to, const std:
   Eigen::SparseMatrix<double> system(2 * count, 2 * count);
   system.setFromTriplets(entries.begin(), entries.end());
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(system);
-  return solver.solve(right);
+  VectorXd shift = solver.solve(right);
+  if (solver.info() != Eigen::Success || !std::isfinite(shift.sum())) {
+    throw Error(Errc::numerical, "E_NOT_CONVERGED",
+                "the contour could not be laid on the silhouette");
+  }
+  return shift;
 }
 
 // In order along the silhouette: where two have passed each other both go to their middle.
