@@ -44,20 +44,15 @@ std::string path_in(const ApplyRequest& request, const std::string& name) {
 // Each output is one file of one picture, and none is an input; `picture` is the template's.
 void require_names(const ApplyRequest& request, const std::string& picture) {
   std::set<std::string> inputs;
-  std::error_code error;
-  const auto whole = [&](const std::string& path) {
-    const fs::path canonical = fs::weakly_canonical(path, error);
-    return error ? path : canonical.string();
-  };
   for (const std::string& image : request.images) {
     if (image == "-") throw InvalidArgument("a collection is of files, not standard input");
-    inputs.insert(whole(image));
+    inputs.insert(whole_path(image));
   }
   for (const std::string& file : {request.project, picture}) {
-    if (!file.empty()) inputs.insert(whole(file));
+    if (!file.empty()) inputs.insert(whole_path(file));
   }
   const auto require_no_input = [&](const std::string& name) {
-    if (inputs.count(whole(path_in(request, name))) == 0) return;
+    if (inputs.count(whole_path(path_in(request, name))) == 0) return;
     throw InvalidArgument("the output " + escaped(path_in(request, name)) + " is an input",
                           "another directory for -o");
   };

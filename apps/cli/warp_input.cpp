@@ -48,13 +48,23 @@ LoadedPicture decode(const FileBytes& file, const std::string& name, Context& co
   return picture;
 }
 
+}  // namespace
+
+std::string whole_path(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path whole =
+      std::filesystem::weakly_canonical(std::filesystem::absolute(path), error);
+  return error ? path : whole.string();
+}
+
+namespace {
+
 bool is_same_file(const std::string& a, const std::string& b) {
   if (a == b) return true;
   std::error_code error;
   if (std::filesystem::equivalent(a, b, error) && !error) return true;
   // Files that are not there yet.
-  const std::filesystem::path whole = std::filesystem::weakly_canonical(a, error);
-  return !error && whole == std::filesystem::weakly_canonical(b, error) && !error;
+  return whole_path(a) == whole_path(b);
 }
 
 }  // namespace

@@ -44,6 +44,9 @@ WarpInput load_warp(const std::string& file, Context& context, const RunControl&
 /// Whether the file begins as a PNG does. @throws IoError as FileBytes::open()
 bool is_png_file(const std::string& file, const Context& context);
 
+/// A path without links and detours, also of a file that is not there.
+std::string whole_path(const std::string& path);
+
 /// How a project at `project_file` names the picture: relative to its folder.
 std::string picture_path(const std::string& picture_file, const std::string& project_file);
 

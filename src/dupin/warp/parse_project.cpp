@@ -245,7 +245,8 @@ void require_checksum(const JsonValue& root, std::string_view text) {
   const JsonValue* checksum = root.find("checksum");
   if (checksum == nullptr) return;
   require_kind(*checksum, Kind::string, "checksum");
-  const std::string written = detail::without_space(text);
+  const std::string written =
+      detail::without_space(text.substr(std::min(text.find('{'), text.size())));
   const std::string end = ",\"checksum\":\"" + checksum->text + "\"}";
   if (!written.ends_with(end))
     throw json_error("E_SYNTAX", "the checksum is not the last member of the project",

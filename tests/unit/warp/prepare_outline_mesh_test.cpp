@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "dupin/base/error.h"
@@ -167,8 +168,11 @@ TEST(PrepareOutline, RefusesBadArguments) {
   const Outline good = test::single({{0, 0}, {50, 0}, {50, 50}, {0, 50}});
   EXPECT_THROW(prepare_outline(good, options_of(0.0, 0.5)), InvalidArgument);
   EXPECT_THROW(prepare_outline(good, options_of(20.0, -1.0)), InvalidArgument);
-  EXPECT_THROW(prepare_outline(good, options_of(NAN, 0.5)), InvalidArgument);
-  EXPECT_THROW(prepare_outline(test::single({{0, 0}, {NAN, 0}, {50, 50}})), InvalidArgument);
+  EXPECT_THROW(prepare_outline(good, options_of(std::numeric_limits<double>::quiet_NaN(), 0.5)),
+               InvalidArgument);
+  EXPECT_THROW(prepare_outline(
+                   test::single({{0, 0}, {std::numeric_limits<double>::quiet_NaN(), 0}, {50, 50}})),
+               InvalidArgument);
   EXPECT_EQ(refusal(test::single({{0, 0}, {40000, 0}, {50, 50}})).substr(0, 11), "E_TOO_LARGE");
 }
 
