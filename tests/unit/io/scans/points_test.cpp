@@ -146,7 +146,7 @@ TEST(Pcd, ExpandsOverlappingCopies) {
   test::append_bits(bytes, packed.size(), 4);
   test::append_bits(bytes, 12, 4);
   const SurfaceFile file = parse(bytes + packed, "a.pcd");
-  const double value = double{std::bit_cast<float>(0x61616161U)};
+  const double value = static_cast<double>(std::bit_cast<float>(0x61616161U));
   ASSERT_EQ(file.mesh.points.rows(), 1);
   EXPECT_EQ(file.mesh.points.row(0), Eigen::RowVector3d(value, value, value));
   packed[4] = 1;  // a distance beyond the start
