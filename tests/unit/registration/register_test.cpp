@@ -200,6 +200,23 @@ TEST(Register, AStrayPointDoesNotMatter) {
   EXPECT_LT(error.rotation_deg, 1.0);
 }
 
+// Normals of bare points may lie on the wrong side: then what fits are their maps turned inside
+// out.
+TEST(Register, NormalsOfACloudMayPointInward) {
+  const test::ScanPair pair = make_pair(1, 0.7, 0.0, 1.0);
+  PointCloud inward;
+  inward.points = pair.moving.points;
+  inward.normals = -describe_scan(pair.moving).normals;
+  ScanFeatures moving = describe_scan(inward);
+  moving.has_sides = false;
+  const RegistrationResult result = register_scans(moving, describe_scan(pair.fixed), blind(false));
+  EXPECT_TRUE(result.accepted);
+  EXPECT_TRUE(result.best.is_flipped);
+  EXPECT_GE(result.correspondences.size(), 50U);  // 103; 16 by chance, of maps as they are
+  const test::PoseError error = test::pose_error(result.pose, pair.truth, pair.moving.points);
+  EXPECT_LT(error.rotation_deg, 1.0);
+}
+
 // What cannot be registered is refused by name, whatever its size: points at one place, coordinates
 // that are no numbers in a cloud large enough to be thinned, normals of another number, features of
 // a cancelled or of no scan.
