@@ -79,9 +79,14 @@ TEST_F(Corpus, AClaimOfBillionsIsRefusedAtOnce) {
   for (const test::BadMesh& bad : meshes_) {
     if (bad.codes != std::vector<std::string>{"E_COUNT_EXCEEDS_FILE"}) continue;
     SCOPED_TRACE(bad.file);
-    const auto start = std::chrono::steady_clock::now();
-    EXPECT_THROW(read_surface(bad.file), IoError);
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(50));
+    // The least of several: on a busy machine any one may wait.
+    auto least = std::chrono::steady_clock::duration::max();
+    for (int attempt = 0; attempt < 10 && least >= std::chrono::milliseconds(50); ++attempt) {
+      const auto start = std::chrono::steady_clock::now();
+      EXPECT_THROW(read_surface(bad.file), IoError);
+      least = std::min(least, std::chrono::steady_clock::now() - start);
+    }
+    EXPECT_LT(least, std::chrono::milliseconds(50));
     ++refused;
   }
   EXPECT_GE(refused, 6);

@@ -146,11 +146,16 @@ TEST(FileBytes, RefusesWhatIsNoRegularFileAtOnce) {
   ASSERT_LT(socket_path.size(), sizeof(address.sun_path));
   std::memcpy(address.sun_path, socket_path.c_str(), socket_path.size() + 1);
   ASSERT_EQ(::bind(fd, reinterpret_cast<const struct sockaddr*>(&address), sizeof(address)), 0);
-  const auto start = std::chrono::steady_clock::now();
-  for (const char* name : {"fifo", "zero", "socket", "."}) {
-    EXPECT_EQ(open_code(folder / name), "E_NOT_A_FILE") << name;
+  // The least of several: on a busy machine any one may wait.
+  auto least = std::chrono::steady_clock::duration::max();
+  for (int attempt = 0; attempt < 10 && least >= std::chrono::milliseconds(50); ++attempt) {
+    const auto start = std::chrono::steady_clock::now();
+    for (const char* name : {"fifo", "zero", "socket", "."}) {
+      EXPECT_EQ(open_code(folder / name), "E_NOT_A_FILE") << name;
+    }
+    least = std::min(least, std::chrono::steady_clock::now() - start);
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(50));
+  EXPECT_LT(least, std::chrono::milliseconds(50));
   ::close(fd);
 }
 
