@@ -8,11 +8,13 @@
 
 #include "dupin/base/error.h"
 #include "dupin/base/parallel.h"
+#include "dupin/warp/control_samples.h"
 #include "dupin/warp/warp_depth.h"
 
 namespace dupin {
 namespace {
 
+using detail::label;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::RowVector2d;
@@ -20,18 +22,11 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kOnePlace = 1e-12;  // of the box diagonal: pins nearer than that are at one place
-constexpr double kMostLineSamples = 256.0;
 
 std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 void require(bool condition, const std::string& message) {
   if (!condition) throw InvalidArgument(message);
-}
-
-std::string label(const std::vector<Pin>& pins, Index m) {
-  const std::string& name = pins[at(m)].name;
-  return name.empty() ? "pin " + std::to_string(m) : "pin " + name;
 }
 
 void require_options(const WarpOptions& options) {
@@ -43,18 +38,6 @@ void require_options(const WarpOptions& options) {
           "frozen_residual must be >= 0");
   require(std::isfinite(options.line_spacing_px) && options.line_spacing_px >= 0.0,
           "line_spacing_px must be >= 0");
-}
-
-void require_pin(const Pin& pin, const std::string& name) {
-  const auto is_finite = [](const Vector2d& p) {
-    return std::isfinite(p.x()) && std::isfinite(p.y());
-  };
-  require(is_finite(pin.source), name + ": source is not finite");
-  require(is_finite(pin.target), name + ": target is not finite");
-  require(!pin.rotation || std::isfinite(*pin.rotation), name + ": rotation is not finite");
-  require(std::isfinite(pin.depth), name + ": depth is not finite");
-  require(std::isfinite(pin.radius) && pin.radius >= 0.0, name + ": radius must be >= 0");
-  require(std::isfinite(pin.weight) && pin.weight > 0.0, name + ": weight must be > 0");
 }
 
 RowVector2d turned(const RowVector2d& v, double angle) {
@@ -88,35 +71,6 @@ std::vector<std::int32_t> ring_of(const PlanarMesh& mesh, const PlanarGraph& gra
   return result;
 }
 
-struct Samples {
-  std::vector<ControlSample> where;
-  std::vector<double> weight;
-};
-
-Samples sample_controls(const std::vector<Pin>& pins, const Points2& sources,
-                        const std::vector<ControlLine>& lines, double spacing) {
-  Samples samples;
-  for (std::size_t m = 0; m < pins.size(); ++m) {
-    samples.where.push_back({static_cast<std::int32_t>(m), static_cast<std::int32_t>(m), 0.0});
-    samples.weight.push_back(pins[m].weight);
-  }
-  double total = 0.0;
-  for (const ControlLine& line : lines)
-    total += (sources.row(line.first) - sources.row(line.second)).norm();
-  const double step = std::max(spacing, total / kMostLineSamples);
-  for (const ControlLine& line : lines) {
-    const double length = (sources.row(line.first) - sources.row(line.second)).norm();
-    const double pieces = step > 0.0 ? std::ceil(length / step) : 1.0;
-    for (double piece = 1.0; piece < pieces; piece += 1.0) {
-      const double t = piece / pieces;
-      samples.where.push_back({line.first, line.second, t});
-      samples.weight.push_back((1.0 - t) * pins[at(line.first)].weight +
-                               t * pins[at(line.second)].weight);
-    }
-  }
-  return samples;
-}
-
 }  // namespace
 
 Warper::Warper(const PlanarMesh& mesh, const std::vector<Pin>& pins,
@@ -124,13 +78,8 @@ Warper::Warper(const PlanarMesh& mesh, const std::vector<Pin>& pins,
     : mesh_(mesh), options_(options) {
   validate(mesh_);
   require_options(options_);
-  for (std::size_t m = 0; m < pins.size(); ++m)
-    require_pin(pins[m], label(pins, static_cast<Index>(m)));
-  for (const ControlLine& line : lines) {
-    const auto num_pins = static_cast<std::int32_t>(pins.size());
-    require(line.first >= 0 && line.first < num_pins && line.second >= 0 && line.second < num_pins,
-            "a control line names a pin that is not there");
-  }
+  detail::require_pins(pins);
+  detail::require_lines(lines, pins.size());
   graph_ = std::make_shared<const PlanarGraph>(make_planar_graph(mesh_));
   place_pins(pins, !lines.empty());
   run.throw_if_cancelled();
@@ -142,36 +91,20 @@ Warper::Warper(const PlanarMesh& mesh, const std::vector<Pin>& pins,
 }
 
 void Warper::place_pins(const std::vector<Pin>& pins, bool may_be_outside) {
-  const auto num_pins = static_cast<Index>(pins.size());
-  sources_.resize(num_pins, 2);
-  targets_.resize(num_pins, 2);
-  rotations_ = VectorXd::Constant(num_pins, kNone);
-  places_.resize(pins.size());
-  for (Index m = 0; m < num_pins; ++m) {
+  detail::PlacedPins placed = detail::place_pins(mesh_, pins);
+  sources_ = std::move(placed.sources);
+  targets_ = std::move(placed.targets);
+  places_ = std::move(placed.places);
+  rotations_ = VectorXd::Constant(sources_.rows(), kNone);
+  for (Index m = 0; m < sources_.rows(); ++m) {
     const Pin& pin = pins[at(m)];
-    targets_.row(m) = pin.target.transpose();
     if (pin.rotation) rotations_[m] = *pin.rotation;
-    sources_.row(m) = pin.source.transpose();
-    std::optional<MeshPoint> place = pin.anchor;
-    if (place) {
-      require(place->triangle >= 0 && place->triangle < mesh_.triangles.rows() &&
-                  place->weights.minCoeff() >= 0.0 && std::abs(place->weights.sum() - 1.0) <= 1e-9,
-              label(pins, m) + ": its anchor is on no triangle");
-    } else {
-      place = locate(mesh_, pin.source);
-    }
-    if (!place) {
-      if (may_be_outside) continue;
-      throw AnalysisError("E_PIN_OUTSIDE", label(pins, m) + " lies outside the shape or in a hole",
-                          "move it onto the shape");
-    }
-    places_[at(m)] = *place;
-    sources_.row(m) = position(mesh_.points, mesh_.triangles, *place).transpose();
-    // An anchor may be a little beside the source, by the grid of the mesher: the motion counts.
-    if (pin.anchor) targets_.row(m) += sources_.row(m) - pin.source.transpose();
+    if (places_[at(m)].triangle >= 0 || may_be_outside) continue;
+    throw AnalysisError("E_PIN_OUTSIDE", label(pin, m) + " lies outside the shape or in a hole",
+                        "move it onto the shape");
   }
-  const double least = kOnePlace * box_diagonal(mesh_.points);
-  for (Index m = 0; m < num_pins; ++m) {
+  const double least = detail::one_place_distance(mesh_);
+  for (Index m = 0; m < sources_.rows(); ++m) {
     const auto corners = support(mesh_.triangles, places_[at(m)]);
     for (Index k = 0; k < m; ++k) {
       if ((sources_.row(m) - sources_.row(k)).norm() > least) continue;
@@ -179,11 +112,11 @@ void Warper::place_pins(const std::vector<Pin>& pins, bool may_be_outside) {
       const bool is_shared = corners.empty() || others.empty() ||
                              std::find_first_of(corners.begin(), corners.end(), others.begin(),
                                                 others.end()) != corners.end();
-      if (is_shared) {
-        throw AnalysisError("E_PIN_CONFLICT",
-                            label(pins, k) + " and " + label(pins, m) + " are at one place",
-                            "delete one of them");
-      }
+      if (!is_shared) continue;
+      throw AnalysisError(
+          "E_PIN_CONFLICT",
+          label(pins[at(k)], k) + " and " + label(pins[at(m)], m) + " are at one place",
+          "delete one of them");
     }
   }
 }
@@ -191,60 +124,21 @@ void Warper::place_pins(const std::vector<Pin>& pins, bool may_be_outside) {
 void Warper::prepare_mls(const std::vector<Pin>& pins, const std::vector<ControlLine>& lines,
                          RunControl run) {
   const double edge = mean_edge_length(mesh_.points, graph_->topology.ring);
-  const Samples samples = sample_controls(
+  const detail::ControlSamples samples = detail::sample_controls(
       pins, sources_, lines, options_.line_spacing_px > 0.0 ? options_.line_spacing_px : edge);
-  const auto num_samples = static_cast<Index>(samples.where.size());
-  MatrixXd distance(mesh_.points.rows(), num_samples);
-  parallel_for(0, num_samples, 1, [&](Index first, Index last) {
-    for (Index s = first; s < last && !run.cancelled(); ++s) {
-      const ControlSample& sample = samples.where[at(s)];
-      const RowVector2d place =
-          (1.0 - sample.t) * sources_.row(sample.first) + sample.t * sources_.row(sample.second);
-      if (options_.metric == WarpMetric::euclidean) {
-        distance.col(s) = (mesh_.points.rowwise() - place).rowwise().norm();
-        continue;
-      }
-      const bool is_pin_inside =
-          s < static_cast<Index>(pins.size()) && places_[at(s)].triangle >= 0;
-      const MeshPoint where =
-          is_pin_inside ? places_[at(s)] : closest_mesh_point(mesh_, place.transpose());
-      const double offset =
-          (position(mesh_.points, mesh_.triangles, where).transpose() - place).norm();
-      distance.col(s) = geodesic_distances(
-          mesh_, *graph_, where,
-          options_.metric == WarpMetric::edges ? GeodesicMethod::edges : GeodesicMethod::exact,
-          run);
-      if (!is_pin_inside) distance.col(s).array() += offset;
-    }
-  });
-  run.throw_if_cancelled();
+  const MatrixXd distance =
+      detail::control_distances(mesh_, *graph_, sources_, places_, samples, options_.metric, run);
   VectorXd radius(static_cast<Index>(pins.size()));
   for (Index m = 0; m < radius.size(); ++m) radius[m] = std::max(pins[at(m)].radius, edge);
   mls_ = std::make_shared<const MlsWarp>(
       mesh_.points, sources_, samples.where,
-      Eigen::Map<const VectorXd>(samples.weight.data(), num_samples), distance, radius,
+      Eigen::Map<const VectorXd>(samples.weight.data(), distance.cols()), distance, radius,
       options_.mls, run);
   pin_distance_ = distance.leftCols(radius.size());
-
-  is_still_.assign(at(graph_->components.count), 1);
-  for (Index v = 0; v < mesh_.points.rows(); ++v) {
-    std::uint8_t& still = is_still_[at(graph_->components.label[at(v)])];
-    for (Index s = 0; still != 0 && s < num_samples; ++s) {
-      if (std::isfinite(distance(v, s))) still = 0;
-    }
-  }
-  std::vector<std::uint8_t> has_face(is_still_.size(), 0);
-  for (Index i = 0; i < mesh_.triangles.size(); ++i)
-    has_face[at(graph_->components.label[at(mesh_.triangles.data()[i])])] = 1;
-  for (std::size_t c = 0; c < is_still_.size(); ++c) {
-    if (is_still_[c] == 0 || has_face[c] == 0) continue;
-    still_components_.push_back(static_cast<std::int32_t>(c));
-    if (!options_.is_unanchored_allowed) {
-      throw AnalysisError("E_COMPONENT_UNANCHORED",
-                          "part " + std::to_string(c) + " of the shape has no pin",
-                          "give every part of the shape a pin");
-    }
-  }
+  detail::UnreachedParts unreached =
+      detail::find_unreached(mesh_, *graph_, distance, options_.is_unanchored_allowed);
+  is_still_ = std::move(unreached.is_still);
+  still_components_ = std::move(unreached.still_components);
 }
 
 std::vector<Warper::Held> Warper::held_rings(const std::vector<Pin>& pins) const {
@@ -314,14 +208,15 @@ void Warper::prepare_arap(const std::vector<Pin>& pins, const RunControl& run) {
     if (std::all_of(corners.begin(), corners.end(),
                     [&](std::int32_t v) { return held_by[at(v)] == m; }))
       continue;
-    PlaceConstraint row{corners, {}, label(pins, m)};
+    PlaceConstraint row{corners, {}, label(pins[at(m)], m)};
     for (Index k = 0; k < 3; ++k) {
       if (place.weights[k] > 0.0) row.weight.push_back(place.weights[k]);
     }
     rows_.push_back(std::move(row));
     row_pin_.push_back(static_cast<std::int32_t>(m));
   }
-  for (const Held& held : held_) rows_.push_back({{held.vertex}, {1.0}, label(pins, held.pin)});
+  for (const Held& held : held_)
+    rows_.push_back({{held.vertex}, {1.0}, label(pins[at(held.pin)], held.pin)});
   for (std::int32_t v = 0; v < mesh_.points.rows(); ++v) {
     if (is_anchored[at(graph_->components.label[at(v)])] == 0) rows_.push_back({{v}, {1.0}, ""});
   }
