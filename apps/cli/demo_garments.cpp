@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <initializer_list>
 #include <numbers>
 #include <utility>
 
@@ -23,16 +22,13 @@ using Paint = std::function<Vector3d(double x, double y)>;
 
 // Every corner gives way to two on its sides, a quarter of them away but at most so many pixels:
 // three times, so that seams are round and hems nearly straight (after Chaikin 1974).
-Points2 rounded(std::initializer_list<RowVector2d> corners) {
-  Points2 loop(static_cast<Index>(corners.size()), 2);
-  Index row = 0;
-  for (const RowVector2d& corner : corners) loop.row(row++) = corner;
+Points2 rounded(Points2 loop) {
   for (int round = 0; round < 3; ++round) {
     Points2 finer(2 * loop.rows(), 2);
     for (Index i = 0; i < loop.rows(); ++i) {
       const RowVector2d here = loop.row(i);
       const RowVector2d side = loop.row((i + 1) % loop.rows()) - here;
-      const double share = std::min(0.25, kRounding / side.norm());
+      const double share = std::min(0.25, kRounding / std::max(side.norm(), 1.0));
       finer.row(2 * i) = here + share * side;
       finer.row(2 * i + 1) = here + (1.0 - share) * side;
     }
@@ -41,10 +37,11 @@ Points2 rounded(std::initializer_list<RowVector2d> corners) {
   return loop;
 }
 
+RowVector2d mirrored(const RowVector2d& place) { return {kSide - place.x(), place.y()}; }
+
 // The left half follows the right one, mirrored about the middle of the picture.
 Points2 symmetric(std::vector<RowVector2d> right) {
-  for (std::size_t i = right.size(); i-- > 0;)
-    right.emplace_back(kSide - right[i].x(), right[i].y());
+  for (std::size_t i = right.size(); i-- > 0;) right.push_back(mirrored(right[i]));
   Points2 loop(static_cast<Index>(right.size()), 2);
   for (std::size_t i = 0; i < right.size(); ++i) loop.row(static_cast<Index>(i)) = right[i];
   return loop;
@@ -121,107 +118,76 @@ RowVector2d turned(const RowVector2d& place, const RowVector2d& joint, double de
                              std::sin(angle) * arm.x() + std::cos(angle) * arm.y());
 }
 
+using NamedPlace = std::pair<const char*, RowVector2d>;
+
+// An empty picture, and pins that stay.
+DemoGarment held(const char* name, const char* title, const char* note,
+                 const std::vector<NamedPlace>& places) {
+  DemoGarment made{name, title, note, make_raster(kSide, kSide, 8), {}};
+  for (const auto& [label, place] : places) made.pins.push_back(pin(label, place, place));
+  return made;
+}
+
 DemoGarment shirt() {
-  DemoGarment made{"shirt",
-                   "A shirt that hangs its arms",
-                   "Three pins hold the body, each sleeve turns about a pin at its shoulder.",
-                   make_raster(kSide, kSide, 8),
-                   {}};
-  paint(made.picture,
-        rounded({{205, 58},
-                 {240, 84},
-                 {275, 58},
-                 {320, 72},
-                 {446, 128},
-                 {424, 188},
-                 {338, 152},
-                 {330, 260},
-                 {336, 420},
-                 {144, 420},
-                 {150, 260},
-                 {142, 152},
-                 {56, 188},
-                 {34, 128},
-                 {160, 72}}),
+  const RowVector2d right(322, 108);
+  DemoGarment made =
+      held("shirt", "A shirt that hangs its arms",
+           "Three pins hold the body, each sleeve turns about a pin at its shoulder.",
+           {{"chest", {240, 150}},
+            {"waist left", {172, 320}},
+            {"waist right", {308, 320}},
+            {"shoulder left", mirrored(right)},
+            {"shoulder right", right}});
+  const std::vector<RowVector2d> half = {{240, 84},  {275, 58},  {320, 72},  {446, 128},
+                                         {424, 188}, {338, 152}, {330, 260}, {336, 420}};
+  paint(made.picture, rounded(symmetric(half)),
         striped({0.93, 0.93, 0.90}, {0.13, 0.30, 0.55}, 44.0, 0.0));
-  paint(made.picture, rounded({{200, 52}, {240, 98}, {280, 52}, {270, 58}, {240, 82}, {210, 58}}),
+  paint(made.picture, rounded(symmetric({{240, 98}, {280, 52}, {270, 58}, {240, 82}})),
         [](double, double) { return Vector3d(0.75, 0.15, 0.15); });
-  for (const auto& [name, place] : {std::pair<const char*, RowVector2d>{"chest", {240, 150}},
-                                    {"waist left", {172, 320}},
-                                    {"waist right", {308, 320}},
-                                    {"shoulder left", {158, 108}},
-                                    {"shoulder right", {322, 108}}})
-    made.pins.push_back(pin(name, place, place));
   const double down = 34.0;
   for (const RowVector2d& place : {RowVector2d{372, 128}, RowVector2d{420, 150}}) {
-    made.pins.push_back(pin("", place, turned(place, {322, 108}, down), 1.0));
-    const RowVector2d other(kSide - place.x(), place.y());
-    made.pins.push_back(pin("", other, turned(other, {158, 108}, -down), 1.0));
+    const RowVector2d target = turned(place, right, down);
+    made.pins.push_back(pin("", place, target, 1.0));
+    made.pins.push_back(pin("", mirrored(place), mirrored(target), 1.0));
   }
   return made;
 }
 
 DemoGarment trousers() {
-  DemoGarment made{"trousers",
-                   "Trousers that take a step",
-                   "Waist and hips stay, the legs turn about the hips and one knee bends.",
-                   make_raster(kSide, kSide, 8),
-                   {}};
-  paint(made.picture,
-        rounded({{168, 30},
-                 {312, 30},
-                 {318, 60},
-                 {336, 250},
-                 {328, 450},
-                 {262, 450},
-                 {254, 300},
-                 {240, 176},
-                 {226, 300},
-                 {218, 450},
-                 {152, 450},
-                 {144, 250},
-                 {162, 60}}),
+  DemoGarment made = held("trousers", "Trousers that take a step",
+                          "Waist and hips stay, the legs turn about the hips and one knee bends.",
+                          {{"waist left", {180, 50}},
+                           {"waist right", {300, 50}},
+                           {"middle", {240, 130}},
+                           {"hip left", {190, 160}},
+                           {"hip right", {290, 160}}});
+  const std::vector<RowVector2d> half = {{312, 30},  {318, 60},  {336, 250}, {328, 450},
+                                         {262, 450}, {254, 300}, {240, 176}};
+  paint(made.picture, rounded(symmetric(half)),
         striped({0.24, 0.33, 0.28}, {0.30, 0.41, 0.35}, 14.0, 3.0));
-  paint(made.picture, rounded({{164, 26}, {316, 26}, {320, 64}, {160, 64}}),
+  paint(made.picture, rounded(symmetric({{316, 26}, {320, 64}})),
         [](double, double) { return Vector3d(0.42, 0.27, 0.16); });
-  for (const auto& [name, place] : {std::pair<const char*, RowVector2d>{"waist left", {180, 50}},
-                                    {"waist right", {300, 50}},
-                                    {"middle", {240, 130}},
-                                    {"hip left", {190, 160}},
-                                    {"hip right", {290, 160}}})
-    made.pins.push_back(pin(name, place, place));
-  const RowVector2d hip(290, 160);
   const RowVector2d knee(294, 300);
   const RowVector2d ankle(294, 425);
-  const RowVector2d bent = turned(knee, hip, -24.0);
+  const RowVector2d bent = turned(knee, {290, 160}, -24.0);
   made.pins.push_back(pin("knee", knee, bent, 1.0));
   made.pins.push_back(pin("ankle", ankle, bent + turned(ankle, knee, 4.0) - knee, 1.0));
-  made.pins.push_back(pin("", {186, 300}, turned({186, 300}, {190, 160}, 10.0)));
-  made.pins.push_back(pin("", {186, 425}, turned({186, 425}, {190, 160}, 10.0)));
+  for (const RowVector2d& place : {RowVector2d{186, 300}, RowVector2d{186, 425}})
+    made.pins.push_back(pin("", place, turned(place, {190, 160}, 10.0)));
   return made;
 }
 
 DemoGarment dress() {
-  DemoGarment made{"dress",
-                   "A dress whose hem swings",
-                   "Straps and waist stay, three pins at the hem turn about the waist.",
-                   make_raster(kSide, kSide, 8),
-                   {}};
-  paint(made.picture,
-        symmetric({{272, 26},
-                   {290, 26},
-                   {300, 110},
-                   {286, 190},
-                   {330, 320},
-                   {384, 446},
-                   {300, 456},
-                   {240, 452}}),
+  DemoGarment made = held("dress", "A dress whose hem swings",
+                          "Straps and waist stay, three pins at the hem turn about the waist.",
+                          {{"left", {202, 100}},
+                           {"right", {278, 100}},
+                           {"waist left", {208, 190}},
+                           {"waist right", {272, 190}}});
+  const std::vector<RowVector2d> half = {{272, 26},  {290, 26},  {300, 110}, {286, 190},
+                                         {330, 320}, {384, 446}, {300, 456}, {240, 452}};
+  paint(made.picture, symmetric(half),
         striped({0.72, 0.20, 0.36}, {0.95, 0.72, 0.35}, 60.0, -0.45));
-  for (const auto& [name, place] : {std::pair<const char*, RowVector2d>{"left", {202, 100}},
-                                    {"right", {278, 100}},
-                                    {"waist left", {208, 190}},
-                                    {"waist right", {272, 190}}})
-    made.pins.push_back(pin(name, place, place));
   for (const RowVector2d& place :
        {RowVector2d{126, 430}, RowVector2d{240, 436}, RowVector2d{354, 430}})
     made.pins.push_back(pin("", place, turned(place, {240, 190}, -16.0)));

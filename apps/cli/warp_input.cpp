@@ -9,6 +9,7 @@
 #include "dupin/base/version.h"
 #include "dupin/io/file.h"
 #include "dupin/io/png.h"
+#include "dupin/warp/contour_curvature.h"
 #include "dupin/warp/project_stages.h"
 #include "dupin/warp/sha256.h"
 #include "surface_input.h"
@@ -226,10 +227,7 @@ void set_method(WarpProject& project, const std::string& method) {
 
 double contour_length(const Outline& outline) {
   double length = 0.0;
-  for (const Points2& loop : outline.loops) {
-    for (Eigen::Index i = 0; i < loop.rows(); ++i)
-      length += (loop.row((i + 1) % loop.rows()) - loop.row(i)).norm();
-  }
+  for (const Points2& loop : outline.loops) length += loop_length(loop);
   return length;
 }
 

@@ -63,13 +63,13 @@ class StageRun {
   StageRun(const PlanarMesh& mesh, const DeformOptions& options, Deformation& result)
       : first_(mesh), rest_(mesh), options_(options), result_(result) {}
 
-  void run(const DeformStage& stage, RunControl control) {
+  void run(const DeformStage& stage, const RunControl& control) {
     StageReport report;
     rest_.points = result_.points;
     if (stage.mode == DeformMode::fine)
-      run_fine(stage, report, std::move(control));
+      run_fine(stage, report, control);
     else
-      run_coarse(stage, report, std::move(control));
+      run_coarse(stage, report, control);
     for (const std::int32_t component : report.still_components) {
       result_.warnings.add("W_COMPONENT_UNANCHORED", "part " + std::to_string(component),
                            "parts of the shape without a pin stay where they are");
@@ -79,19 +79,20 @@ class StageRun {
   }
 
  private:
-  void run_coarse(const DeformStage& stage, StageReport& report, RunControl control) {
+  void run_coarse(const DeformStage& stage, StageReport& report, const RunControl& control) {
     const std::vector<Pin> pins = without_repeated(stage.pins, result_.warnings);
     const Stopwatch preparing;
-    const Warper warper(rest_, pins, {}, options_.warp, std::move(control));
+    const Warper warper(rest_, pins, {}, options_.warp, control);
     report.seconds_to_prepare = preparing.seconds();
-    WarpStep step = warper.drag(warper.targets(), {}, true);
+    WarpStep step = warper.drag(warper.targets(), {}, true, control);
     report.iterations = step.iterations;
     report.energy = step.energy;
     report.is_converged = step.is_converged;
     report.seconds_per_iteration = step.seconds_per_iteration;
     report.still_components = warper.still_components();
     if (is_folded(step.points, report)) {
-      PolishResult polished = polish_folds(warper.arap(), first_, step.points, options_.polish);
+      PolishResult polished =
+          polish_folds(warper.arap(), first_, step.points, options_.polish, control);
       report.polish_iterations = polished.iterations;
       step.points = std::move(polished.points);
     }
@@ -110,27 +111,29 @@ class StageRun {
 
   // Pins on the contour are many, more than one a triangle, and they say where the border goes:
   // iterations and the polish hold the border, not the corners next to the pins.
-  void run_fine(const DeformStage& stage, StageReport& report, RunControl control) {
+  void run_fine(const DeformStage& stage, StageReport& report, const RunControl& control) {
     const std::vector<ControlLine> lines =
         stage.lines.empty() ? closed_polyline(stage.pins.size()) : stage.lines;
     const Stopwatch preparing;
     const PlanarGraph graph = make_planar_graph(rest_);
     detail::LineWarp warped =
-        detail::warp_by_lines(rest_, graph, stage.pins, lines, options_.warp, std::move(control));
+        detail::warp_by_lines(rest_, graph, stage.pins, lines, options_.warp, control);
     std::optional<detail::HeldBorder> held;
     if (options_.fine_iterations > 0) held.emplace(rest_, graph, options_.warp.edge_weights);
     report.seconds_to_prepare = preparing.seconds();
     report.still_components = std::move(warped.still_components);
     const Stopwatch iterating;
-    for (; report.iterations < options_.fine_iterations; ++report.iterations)
+    for (; report.iterations < options_.fine_iterations; ++report.iterations) {
+      control.throw_if_cancelled();
       report.energy.push_back(held->system().iterate(warped.points));
+    }
     if (report.iterations > 0) {
       report.seconds_per_iteration = iterating.seconds() / report.iterations;
       report.energy.push_back(held->system().energy(warped.points));
     }
     if (is_folded(warped.points, report)) {
       if (!held) held.emplace(rest_, graph, options_.warp.edge_weights);
-      PolishResult polished = held->polish(first_, warped.points, options_.polish);
+      PolishResult polished = held->polish(first_, warped.points, options_.polish, control);
       report.polish_iterations = polished.iterations;
       warped.points = std::move(polished.points);
     }

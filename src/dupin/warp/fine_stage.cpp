@@ -95,8 +95,8 @@ std::shared_ptr<const ArapSystem> HeldBorder::holding(
 }
 
 PolishResult HeldBorder::polish(const PlanarMesh& first, const Points2& deformed,
-                                const PolishOptions& options) const {
-  PolishResult best = polish_folds(*system_, first, deformed, options);
+                                const PolishOptions& options, const RunControl& run) const {
+  PolishResult best = polish_folds(*system_, first, deformed, options, run);
   int iterations = best.iterations;
   std::vector<std::uint8_t> is_near(is_border_.size(), 0);
   for (const std::int32_t f : measure_warp(first, best.points).flipped) {
@@ -121,7 +121,7 @@ PolishResult HeldBorder::polish(const PlanarMesh& first, const Points2& deformed
     for (std::size_t v = 0; v < is_held.size(); ++v) {
       if (is_anchored[at(graph_.components.label[v])] == 0) is_held[v] = is_border_[v];
     }
-    PolishResult result = polish_folds(*holding(is_held), first, deformed, options);
+    PolishResult result = polish_folds(*holding(is_held), first, deformed, options, run);
     iterations += result.iterations;
     if (result.flipped < best.flipped) best = std::move(result);
   }

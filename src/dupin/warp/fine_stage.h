@@ -40,7 +40,7 @@ class HeldBorder {
   /// Takes fold-overs out: first with the whole border held, then, where that is not enough, with
   /// less and less of it about the fold-overs. The silhouette stays as it is elsewhere.
   PolishResult polish(const PlanarMesh& first, const Points2& deformed,
-                      const PolishOptions& options) const;
+                      const PolishOptions& options, const RunControl& run) const;
 
  private:
   std::shared_ptr<const ArapSystem> holding(const std::vector<std::uint8_t>& is_held) const;

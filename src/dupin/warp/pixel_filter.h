@@ -55,12 +55,7 @@ class PixelReader {
 
   /// The straight colour at (u, v), centres at .5; transparent beyond the picture.
   DUPIN_INLINE Colour read(double u, double v, const FilterShape& shape) const {
-    const double x = u - 0.5;
-    const double y = v - 0.5;
-    const int column = floor_to_int(x);
-    const int row = floor_to_int(y);
-    const auto right = static_cast<float>(x - column);
-    const auto down = static_cast<float>(y - row);
+    const auto [column, row, right, down] = cell_of(u, v);
     if (shape.kind == FilterShape::Kind::interpolate) {
       if (right == 0.0F && down == 0.0F) return copy(column, row);
       return straight(interpolate(column, row, right, down));
@@ -74,12 +69,7 @@ class PixelReader {
 #ifdef DUPIN_X86
   /// read() for machines with AVX2: the same bits.
   DUPIN_AVX2_INLINE Colour read_avx2(double u, double v, const FilterShape& shape) const {
-    const double x = u - 0.5;
-    const double y = v - 0.5;
-    const int column = floor_to_int(x);
-    const int row = floor_to_int(y);
-    const auto right = static_cast<float>(x - column);
-    const auto down = static_cast<float>(y - row);
+    const auto [column, row, right, down] = cell_of(u, v);
     if (shape.kind == FilterShape::Kind::interpolate) {
       if (right == 0.0F && down == 0.0F) return copy(column, row);
       const bool is_inside = column >= 1 && row >= 1 && column + 2 < width_ && row + 2 < height_;
@@ -118,6 +108,20 @@ class PixelReader {
   }
 
  private:
+  // The pixel whose centre is up and left of (u, v), and how far that is.
+  struct Cell {
+    int column;
+    int row;
+    float right;
+    float down;
+  };
+  static DUPIN_INLINE Cell cell_of(double u, double v) {
+    const double x = u - 0.5;
+    const double y = v - 0.5;
+    const int column = floor_to_int(x);
+    const int row = floor_to_int(y);
+    return {column, row, static_cast<float>(x - column), static_cast<float>(y - row)};
+  }
   static DUPIN_INLINE int floor_to_int(double x) {
     const int cut = static_cast<int>(x);
     return cut - (x < cut ? 1 : 0);

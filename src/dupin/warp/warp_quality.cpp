@@ -96,7 +96,7 @@ WarpQuality measure_warp(const PlanarMesh& rest, const Points2& deformed) {
 }
 
 PolishResult polish_folds(const ArapSystem& system, const PlanarMesh& rest, const Points2& deformed,
-                          const PolishOptions& options) {
+                          const PolishOptions& options, const RunControl& run) {
   if (options.max_iterations < 1) throw InvalidArgument("max_iterations must be >= 1");
   if (!(options.max_stretch > 1.0)) throw InvalidArgument("max_stretch must be > 1");
   const Index num_faces = rest.triangles.rows();
@@ -115,6 +115,7 @@ PolishResult polish_folds(const ArapSystem& system, const PlanarMesh& rest, cons
   Points2 q;
   Eigen::Matrix<double, Eigen::Dynamic, 4> maps(num_faces, 4);
   for (int iteration = 0;; ++iteration) {
+    run.throw_if_cancelled();
     // Where pins force more than k the bound itself keeps triangles folded, and what it led to is
     // no good start for a wider one.
     if (iteration % kLoosenEvery == 0) q = deformed;

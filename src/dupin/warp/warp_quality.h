@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "dupin/base/run_control.h"
 #include "dupin/warp/arap.h"
 #include "dupin/warp/planar_mesh.h"
 
@@ -41,9 +42,10 @@ struct PolishResult {
 /// permit: turns over the maps of the triangles, with singular values clamped to [1/k, k] and
 /// without reflection (every 50 turns it begins anew with k doubled), and the best places for them
 /// (ArapSystem::fit_triangles, the factor that is there). Stops at the first state without a
-/// flipped triangle. Never returns more flipped triangles than it got. Cost: as many turns, each
-/// like an iteration.
+/// flipped triangle. Never returns more flipped triangles than it got.
+/// @throws InvalidArgument for an option; Error E_INTERRUPTED. Cost: as many turns, each like an
+///   iteration.
 PolishResult polish_folds(const ArapSystem& system, const PlanarMesh& rest, const Points2& deformed,
-                          const PolishOptions& options = {});
+                          const PolishOptions& options = {}, const RunControl& run = {});
 
 }  // namespace dupin

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "dupin/base/error.h"
+#include "dupin/warp/warp_quality.h"
 #include "dupin/warp/warper.h"
 #include "tests/support/planar_shapes.h"
 
@@ -62,6 +63,16 @@ TEST(Interrupt, StopsADragAndNotTheNextOne) {
     EXPECT_TRUE(is_interrupted([&] { warper.drag(warper.targets(), {}, true, cancelled_run()); }));
     EXPECT_TRUE((warper.drag(warper.targets()).points.array() == before.array()).all());
   }
+}
+
+TEST(Interrupt, StopsThePolish) {
+  const PlanarMesh mesh = test::planar_grid(6, 6, 10.0);
+  const Warper warper(mesh, two_pins());
+  Points2 folded = mesh.points;
+  folded.row(14) += Eigen::RowVector2d(25.0, 25.0);
+  EXPECT_GT(measure_warp(mesh, folded).flipped.size(), 0U);
+  EXPECT_TRUE(is_interrupted(
+      [&] { polish_folds(warper.arap(), mesh, folded, PolishOptions{}, cancelled_run()); }));
 }
 
 }  // namespace
