@@ -143,6 +143,7 @@ void remove_unfinished(Context& context) {
 
 void with_progress(Context& context, const std::string& what, const std::function<void()>& work) {
   set_thread_count(context.threads);
+  context.is_writing = false;
   const auto require_time = [&] {
     if (!context.timed_out) return;
     throw Error(Errc::over_limit, "E_TIMEOUT",
@@ -166,7 +167,7 @@ void with_progress(Context& context, const std::string& what, const std::functio
         context.timed_out = true;
         context.run.cancel();
       }
-      if (context.last_signal != 0) {
+      if (context.last_signal != 0 && !context.is_writing) {
         signalled = std::min(signalled, std::chrono::steady_clock::now());
         if (seconds_since(signalled) > 0.3) {
           if (draw) fmt::print(stderr, "\r\033[K");
@@ -203,7 +204,15 @@ void with_progress(Context& context, const std::string& what, const std::functio
     throw;
   }
   finish();
+  if (context.is_writing) return;
   require_time();
+  context.run.throw_if_cancelled();
+}
+
+void begin_outputs(Context& context) {
+  context.is_writing = true;
+  if (!context.run.cancelled()) return;
+  context.is_writing = false;
   context.run.throw_if_cancelled();
 }
 

@@ -34,6 +34,7 @@ struct Context {
   volatile std::sig_atomic_t last_signal = 0;  ///< that cancelled the run; 0: none
   int exit_code = 0;                           ///< set by a verb whose answer is "no"
   bool is_stdout_taken = false;                ///< by an output: then nothing is said there
+  std::atomic<bool> is_writing{false};         ///< see begin_outputs()
   std::mutex unfinished_mutex;
   std::string unfinished;  ///< folder that goes when an interruption ends the program at once
 
@@ -79,6 +80,11 @@ CLI::Validator in_range(double low, double high);
 
 /// Adds the global options (--json, --quiet, --threads, ...) to a verb.
 void add_global_options(CLI::App& verb, Context& context);
+
+/// To be called inside with_progress() when all that is to be written is there, before the first of
+/// several outputs: from here to the end of the work a signal or --timeout comes too late, so that
+/// they are written all or not at all. @throws Error E_INTERRUPTED
+void begin_outputs(Context& context);
 
 /// Runs `work` on context.threads threads with a progress bar on a terminal; throws
 /// Error(Errc::interrupted) when it was cancelled and E_TIMEOUT when --timeout has passed, at once

@@ -113,7 +113,7 @@ Rendered render(Context& context, const RenderRequest& request) {
     map =
         warp_map(mesh, deformation.points, deformation.paint_order, made.view, run.stage(0.9, 1.0));
   }
-  run.throw_if_cancelled();
+  begin_outputs(context);
   write_file_atomically(request.output, png);
   if (!request.map.empty()) write_npy(request.map, {map.height, map.width, 2}, map.source_xy);
   if (!pins.empty()) write_file_atomically(request.pins_picture, pins);
