@@ -53,8 +53,9 @@ LoadedPicture decode(const FileBytes& file, const std::string& name, Context& co
 
 std::string whole_path(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path whole =
-      std::filesystem::weakly_canonical(std::filesystem::absolute(path), error);
+  const std::filesystem::path absolute = std::filesystem::absolute(path, error);
+  if (error) return path;
+  const std::filesystem::path whole = std::filesystem::weakly_canonical(absolute, error);
   return error ? path : whole.string();
 }
 
@@ -200,7 +201,7 @@ void require_outputs(const std::vector<std::string>& outputs,
     const std::string& path = outputs[i];
     if (path.empty()) continue;
     for (std::size_t k = 0; k < i; ++k) {
-      if (is_same_file(path, outputs[k]))
+      if (!outputs[k].empty() && is_same_file(path, outputs[k]))
         throw InvalidArgument("two outputs are one file: " + escaped(path),
                               "give each a name of its own");
     }

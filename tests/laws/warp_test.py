@@ -531,6 +531,12 @@ class BadOptions(WarpLaw):
         self.refused(2, "E_OPTION", "warp", "mesh", "p.dwarp", "-o", "./disc.png")
         self.assertEqual(self.read("disc.png"), before)
 
+    def test_any_output_may_be_left_out(self):
+        for options in ([], ["--map", "m.npy"], ["--pins-picture", "pins.png"], ["--map", "m.npy", "--pins-picture", "pins.png"]):
+            self.render("p.dwarp", *options)
+            for name in options[1::2]:
+                os.remove(self.path(name))
+
     def test_two_outputs_are_two_files(self):
         self.refused(2, "E_OPTION", "warp", "render", "p.dwarp", "-o", "new.png", "--pins-picture", "./new.png")
 
